@@ -18,7 +18,7 @@ const MOST_REGIONS: usize = 30_000;
 /// A model, its plan and its code, ready for printing in a language.
 pub(crate) struct Assembled<'a> {
     /// The model as it was given.
-    pub(crate) own: &'a Model,
+    pub(crate) model: &'a Model,
     pub(crate) plan: Plan<'a>,
     pub(crate) code: Code,
     /// The step's length where it is not the caller's.
@@ -34,7 +34,7 @@ pub(crate) fn closed(model: &Model, options: &ExportOptions) -> Result<Closed, E
 
 /// Writes the code of a model, [`closed`].
 pub(crate) fn assemble<'a>(
-    own: &'a Model,
+    source: &'a Model,
     closed: &'a Closed,
     options: &ExportOptions,
     precision: Precision,
@@ -75,7 +75,7 @@ pub(crate) fn assemble<'a>(
     code.functions.extend(plan.remember(step));
     check_numbers(&code, precision)?;
     drop_unused_tables(&mut code);
-    Ok(Assembled { own, plan, code, step })
+    Ok(Assembled { model: source, plan, code, step })
 }
 
 fn lowering<'a>(

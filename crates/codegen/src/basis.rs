@@ -22,8 +22,8 @@ impl Lowering<'_> {
     pub(crate) fn basis(&mut self, index: usize, group: &Group) -> Vec<Statement> {
         match &group.basis {
             None => Vec::new(),
-            Some((Basis::Gaussian(own), inputs)) => self.radial(index, group, own, inputs),
-            Some((Basis::Network(own), inputs)) => self.network(index, group, own, inputs),
+            Some((Basis::Gaussian(gaussian), inputs)) => self.radial(index, group, gaussian, inputs),
+            Some((Basis::Network(network), inputs)) => self.network(index, group, network, inputs),
         }
     }
 
@@ -38,18 +38,18 @@ impl Lowering<'_> {
     ) -> Vec<Statement> {
         match &group.basis {
             None => Vec::new(),
-            Some((Basis::Gaussian(own), inputs)) => {
-                self.radial_slopes((index, group), (own, inputs), entries, variables)
+            Some((Basis::Gaussian(gaussian), inputs)) => {
+                self.radial_slopes((index, group), (gaussian, inputs), entries, variables)
             }
-            Some((Basis::Network(own), inputs)) => {
-                self.network_slopes((index, group), (own, inputs), entries, variables)
+            Some((Basis::Network(network), inputs)) => {
+                self.network_slopes((index, group), (network, inputs), entries, variables)
             }
         }
     }
 
-    fn radial_tables(&mut self, index: usize, own: &Gaussian, inputs: &[usize]) -> RadialTables {
-        let centres = own.centres.iter().flatten().copied().collect();
-        let inverse = own.scale.iter().map(|scale| 1.0 / scale).collect();
+    fn radial_tables(&mut self, index: usize, gaussian: &Gaussian, inputs: &[usize]) -> RadialTables {
+        let centres = gaussian.centres.iter().flatten().copied().collect();
+        let inverse = gaussian.scale.iter().map(|scale| 1.0 / scale).collect();
         let comment = "Centres of the radial functions, one row a function.";
         RadialTables {
             centres: self.reals("centres", index, comment, inputs.len(), centres),
@@ -71,20 +71,20 @@ impl Lowering<'_> {
     }
 
     /// `exp(-factor sum_j ((x_j - c_j)/s_j)^2)` for every centre.
-    fn radial(&mut self, index: usize, group: &Group, own: &Gaussian, inputs: &[usize]) -> Vec<Statement> {
-        let tables = self.radial_tables(index, own, inputs);
+    fn radial(&mut self, index: usize, group: &Group, gaussian: &Gaussian, inputs: &[usize]) -> Vec<Statement> {
+        let tables = self.radial_tables(index, gaussian, inputs);
         let count = inputs.len();
         let square = vec![
             Statement::Let("part".into(), part(group, &tables, count)),
             Statement::Add(Place::Local("square".into()), Real::local("part").times(Real::local("part"))),
         ];
-        let value = Real::unary(Unary::Exp, Real::Number(-own.factor()).times(Real::local("square")));
+        let value = Real::unary(Unary::Exp, Real::Number(-gaussian.factor()).times(Real::local("square")));
         let body = vec![
             Statement::Variable("square".into(), Real::Number(0.0)),
             Statement::each("j", count, square),
             Statement::set("q", Index::local("i").plus(group.first + group.functions), value),
         ];
-        vec![Statement::each("i", own.count(), body)]
+        vec![Statement::each("i", gaussian.count(), body)]
     }
 
     /// Tables of a layer: weights, one row a unit, and biases.
@@ -99,11 +99,12 @@ impl Lowering<'_> {
     }
 
     /// Units of all hidden layers: those of the last one among the features, the others in arrays.
-    fn network(&mut self, index: usize, group: &Group, own: &Network, inputs: &[usize]) -> Vec<Statement> {
+    fn network(&mut self, index: usize, group: &Group, network: &Network, inputs: &[usize]) -> Vec<Statement> {
         let places = Values::Indices(inputs.to_vec());
         let places = self.table("inputs", index, "Inputs of the network.", 12, places);
-        let centre = self.reals("input_centre", index, "Centre of each input of the network.", 8, own.centre.clone());
-        let inverse = own.scale.iter().map(|scale| 1.0 / scale).collect();
+        let centre =
+            self.reals("input_centre", index, "Centre of each input of the network.", 8, network.centre.clone());
+        let inverse = network.scale.iter().map(|scale| 1.0 / scale).collect();
         let inverse = self.reals("input_inverse_scale", index, "One over the scale of each.", 8, inverse);
         let j = || Index::local("j");
         let x = Real::at("q", Index::table(&places, j()).plus(group.first));
@@ -113,13 +114,13 @@ impl Lowering<'_> {
             Statement::Array(before.clone(), inputs.len()),
             Statement::each("j", inputs.len(), vec![Statement::set(&before, j(), standardised)]),
         ];
-        for (at, layer) in own.layers.iter().enumerate() {
+        for (at, layer) in network.layers.iter().enumerate() {
             let [weights, biases] = self.layer_tables(index, at, layer);
             let (units, width) = (layer.biases.len(), layer.weights.first().map_or(0, Vec::len));
             let i = || Index::local("i");
             let term = Real::at(&weights, i().times(width).plus(j())).times(Real::at(&before, j()));
-            let value = activated(own.activation, Real::local("sum"));
-            let is_last = at + 1 == own.layers.len();
+            let value = activated(network.activation, Real::local("sum"));
+            let is_last = at + 1 == network.layers.len();
             let name = format!("units{index}_{}", at + 1);
             let set = match is_last {
                 true => Statement::set("q", i().plus(group.first + group.functions), value),
@@ -142,7 +143,7 @@ impl Lowering<'_> {
     fn network_slopes(
         &mut self,
         (index, group): (usize, &Group),
-        (own, inputs): (&Network, &[usize]),
+        (network, inputs): (&Network, &[usize]),
         (entries, first): (&[(usize, usize)], usize),
         variables: usize,
     ) -> Vec<Statement> {
@@ -158,24 +159,24 @@ impl Lowering<'_> {
         let slope = table("network_slope", "Slopes of the inputs of the network.", |used| used.0);
         let input = table("network_input", "Input of each of them.", |used| used.1);
         let variable = table("network_variable", "Variable of each of them.", |used| used.2);
-        let inverse = own.scale.iter().map(|scale| 1.0 / scale).collect();
+        let inverse = network.scale.iter().map(|scale| 1.0 / scale).collect();
         let inverse = self.reals("input_inverse_scale", index, "One over the scale of each.", 8, inverse);
         let (i, j) = (|| Index::local("i"), || Index::local("j"));
         let row = Self::group_region(group).times(group.latents()).plus(Index::local("n"));
         let coefficient = row.times(group.width()).plus(i()).plus(group.functions);
         let coefficients = format!("{TABLE}{}coefficients{index}", self.tag);
         let by = |layer: usize| format!("by_units{index}_{layer}");
-        let unit = |layer: usize| match layer == own.layers.len() {
+        let unit = |layer: usize| match layer == network.layers.len() {
             true => Real::at("q", i().plus(group.first + group.functions)),
             false => Real::at(&format!("units{index}_{layer}"), i()),
         };
-        let count = own.layers.len();
-        let last = Real::at(&coefficients, coefficient).times(slope_of(own.activation, unit(count)));
+        let count = network.layers.len();
+        let last = Real::at(&coefficients, coefficient).times(slope_of(network.activation, unit(count)));
         let mut body = vec![
-            Statement::Array(by(count), own.count()),
-            Statement::each("i", own.count(), vec![Statement::set(&by(count), i(), last)]),
+            Statement::Array(by(count), network.count()),
+            Statement::each("i", network.count(), vec![Statement::set(&by(count), i(), last)]),
         ];
-        for (at, layer) in own.layers.iter().enumerate().rev() {
+        for (at, layer) in network.layers.iter().enumerate().rev() {
             let [weights, _] = self.layer_tables(index, at, layer);
             let (units, width) = (layer.biases.len(), layer.weights.first().map_or(0, Vec::len));
             let term = Real::at(&weights, i().times(width).plus(j())).times(Real::at(&by(at + 1), i()));
@@ -183,7 +184,7 @@ impl Lowering<'_> {
             let each = vec![Statement::add(&by(at), j(), term)];
             body.push(Statement::each("i", units, vec![Statement::each("j", width, each)]));
             if at > 0 {
-                let chained = Real::at(&by(at), i()).times(slope_of(own.activation, unit(at)));
+                let chained = Real::at(&by(at), i()).times(slope_of(network.activation, unit(at)));
                 body.push(Statement::each("i", width, vec![Statement::set(&by(at), i(), chained)]));
             }
         }
@@ -200,11 +201,11 @@ impl Lowering<'_> {
     fn radial_slopes(
         &mut self,
         (index, group): (usize, &Group),
-        (own, inputs): (&Gaussian, &[usize]),
+        (gaussian, inputs): (&Gaussian, &[usize]),
         (entries, first): (&[(usize, usize)], usize),
         variables: usize,
     ) -> Vec<Statement> {
-        let tables = self.radial_tables(index, own, inputs);
+        let tables = self.radial_tables(index, gaussian, inputs);
         let place = |&(function, _): &(usize, usize)| inputs.iter().position(|&input| input == function);
         let used: Vec<(usize, usize, usize)> =
             (entries.iter().enumerate()).filter_map(|(at, entry)| Some((first + at, place(entry)?, entry.1))).collect();
@@ -228,12 +229,12 @@ impl Lowering<'_> {
         let coefficient = row.times(group.width()).plus(Index::local("i")).plus(group.functions);
         let coefficients = format!("{TABLE}{}coefficients{index}", self.tag);
         let phi = Real::at("q", Index::local("i").plus(group.first + group.functions));
-        let weight = Real::Number(-2.0 * own.factor()).times(phi).times(Real::at(&coefficients, coefficient));
+        let weight = Real::Number(-2.0 * gaussian.factor()).times(phi).times(Real::at(&coefficients, coefficient));
         let body = vec![
             Statement::Let("weight".into(), weight),
             Statement::each("e", used.len(), vec![Statement::Add(Place::at("g", to), value)]),
         ];
-        vec![Statement::each("n", group.latents(), vec![Statement::each("i", own.count(), body)])]
+        vec![Statement::each("n", group.latents(), vec![Statement::each("i", gaussian.count(), body)])]
     }
 }
 

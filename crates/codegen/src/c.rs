@@ -263,7 +263,7 @@ impl Printer<'_> {
 
     /// Text of an inner parameter in a call.
     fn argument(&self, inner: &str, outer: &str) -> String {
-        if self.assembled.plan.own(inner) { format!("m->{inner}") } else { outer.to_owned() }
+        if self.assembled.plan.keeps_in_model(inner) { format!("m->{inner}") } else { outer.to_owned() }
     }
 
     fn init(&self, out: &mut String) {

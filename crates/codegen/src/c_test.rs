@@ -120,7 +120,7 @@ impl Program<'_> {
         let mut offset = 0;
         for (parameter, outer) in public.inner.parameters.iter().zip(outer_names(public)) {
             match (outer, parameter.kind) {
-                _ if plan.own(parameter.name) => {}
+                _ if plan.keeps_in_model(parameter.name) => {}
                 (_, Kind::Out(length)) => {
                     arguments.push(format!("&value[{offset}]"));
                     offset += length;

@@ -175,11 +175,11 @@ fn lines(statements: &[Statement]) -> u64 {
 
 /// Numbers in local arrays and named values, with those of the deepest call.
 fn stack(statements: &[Statement], code: &Code) -> usize {
-    let (mut own, mut deepest) = (0, 0);
+    let (mut frame, mut deepest) = (0, 0);
     for statement in statements {
         match statement {
-            Statement::Array(_, length) => own += length,
-            Statement::Let(..) | Statement::Variable(..) => own += 1,
+            Statement::Array(_, length) => frame += length,
+            Statement::Let(..) | Statement::Variable(..) => frame += 1,
             Statement::For { body, .. } => deepest = deepest.max(stack(body, code)),
             Statement::If(_, then, otherwise) => deepest = deepest.max(stack(then, code)).max(stack(otherwise, code)),
             Statement::Call { function, .. } => {
@@ -189,7 +189,7 @@ fn stack(statements: &[Statement], code: &Code) -> usize {
             _ => {}
         }
     }
-    own + deepest
+    frame + deepest
 }
 
 impl Cost {

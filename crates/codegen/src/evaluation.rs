@@ -63,8 +63,8 @@ impl Group {
     fn new(model: &Model, group: &LatentGroup, slot: usize, first: usize) -> Self {
         let LatentGroup { library, partition, latents, functions, basis } = group;
         let all = model.libraries[*library].len();
-        let own = all..all + basis.as_ref().map_or(0, Basis::count);
-        let features: Vec<usize> = functions.iter().copied().chain(own).collect();
+        let basis_functions = all..all + basis.as_ref().map_or(0, Basis::count);
+        let features: Vec<usize> = functions.iter().copied().chain(basis_functions).collect();
         let regions = model.partitions[*partition].rule.count();
         let (mut constants, mut coefficients) = (Vec::new(), Vec::new());
         for region in 0..regions {
@@ -130,8 +130,8 @@ impl Evaluation {
             groups.push(Group::new(model, group, slot, expressions.len()));
             slot += group.latents.len();
             expressions.extend(group.functions.iter().map(|&j| model.libraries[group.library][j].clone()));
-            let own = group.basis.as_ref().map_or(0, Basis::count);
-            expressions.extend(std::iter::repeat_n(Expr::number(0.0), own));
+            let basis_count = group.basis.as_ref().map_or(0, Basis::count);
+            expressions.extend(std::iter::repeat_n(Expr::number(0.0), basis_count));
         }
         let first_used = used.first().copied();
         let mut partitions = Vec::new();

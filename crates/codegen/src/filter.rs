@@ -41,7 +41,7 @@ pub fn export_filter(
     let plan = Plan::new(&closed)?;
     let prefix = format!("{}_filter", options.prefix);
     let inputs: Vec<usize> =
-        (plan.inputs.iter()).filter_map(|input| tables.inputs.iter().position(|own| *own == input.name)).collect();
+        (plan.inputs.iter()).filter_map(|input| tables.inputs.iter().position(|name| *name == input.name)).collect();
     let c = C { precision: options.precision, prefix: &prefix };
     let filter = Filter::new(c, model, tables, inputs);
     let mut code = Code::default();
@@ -61,16 +61,18 @@ pub fn export_filter(
 
 /// An evaluation of the reported partition's columns and nothing else.
 fn partition_alone(model: &Model, advance: Option<&Evaluation>) -> Result<Option<Evaluation>, ExportError> {
-    let Some((evaluation, reported)) = advance.and_then(|own| Some((own, own.reported?))) else { return Ok(None) };
-    let own = &evaluation.partitions[reported];
+    let Some((evaluation, reported)) = advance.and_then(|evaluation| Some((evaluation, evaluation.reported?))) else {
+        return Ok(None);
+    };
+    let rule = &evaluation.partitions[reported];
     let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
-    let expressions = model.partitions[own.partition].columns.clone();
+    let expressions = model.partitions[rule.partition].columns.clone();
     let cells = crate::evaluation::Cells {
-        partition: own.partition,
+        partition: rule.partition,
         first: 0,
-        centre: own.centre.clone(),
-        scale: own.scale.clone(),
-        rule: own.rule.clone(),
+        centre: rule.centre.clone(),
+        scale: rule.scale.clone(),
+        rule: rule.rule.clone(),
     };
     Ok(Some(Evaluation {
         features: crate::evaluation::program(&expressions, &columns)?,
@@ -97,30 +99,35 @@ fn constant_tables(filter: &Filter<'_>) -> Vec<Table> {
         let m = tables.inputs.len();
         (0..n).flat_map(|i| inputs.iter().map(move |&input| b[i * m + input])).collect()
     };
-    let deviation = |of: &dyn Fn(f64) -> f64| tables.sensors.iter().map(|&(_, own)| of(own)).collect::<Vec<_>>();
+    let deviation = |of: &dyn Fn(f64) -> f64| tables.sensors.iter().map(|&(_, sigma)| of(sigma)).collect::<Vec<_>>();
     let mut made = vec![
         reals("a", "Of every region: the next states by the states.", n, all(&tables.a)),
         reals("c", "Of every region: what is added.", n, all(&tables.c)),
         reals("q", "Of every region: the covariance of a step's noise.", n, all(&tables.q)),
-        reals("variance", "The variance of every sensor.", 8, deviation(&|own| own * own)),
+        reals("variance", "The variance of every sensor.", 8, deviation(&|value| value * value)),
         // The engine keeps the root of it, and squares that again.
         reals(
             "start_variance",
             "The same, of a state that begins there.",
             8,
-            deviation(&|own| (own * own).sqrt().powi(2)),
+            deviation(&|value| (value * value).sqrt().powi(2)),
         ),
         reals(
             "prior_mean",
             "Where states begin that are not measured.",
             8,
-            tables.prior.iter().map(|own| own[0]).collect(),
+            tables.prior.iter().map(|prior| prior[0]).collect(),
         ),
-        reals("prior_variance", "The variance of that.", 8, tables.prior.iter().map(|own| own[1] * own[1]).collect()),
+        reals(
+            "prior_variance",
+            "The variance of that.",
+            8,
+            tables.prior.iter().map(|prior| prior[1] * prior[1]).collect(),
+        ),
         Table {
             name: "$sensor".into(),
             comment: "The state of every sensor.".into(),
-            values: Values::Indices(tables.sensors.iter().map(|own| own.0).collect()),
+            values: Values::Indices(tables.sensors.iter().map(|sensor| sensor.0).collect()),
             row: 16,
         },
     ];

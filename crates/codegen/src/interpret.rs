@@ -329,13 +329,13 @@ fn unary(function: Unary, x: Bounded) -> Bounded {
         Unary::Log => 1.0 / x.value,
         Unary::Sqrt => 0.5 / value,
     };
-    let own = match function {
+    let rounding = match function {
         // The angle's turns are rounded too.
         Unary::Wrap => x.value.abs() + 2.0 * std::f64::consts::PI,
         // Libraries' functions are good to a few units in the last place.
         _ => 4.0 * value.abs(),
     };
-    Bounded { value, error: slope.abs() * x.error + own }
+    Bounded { value, error: slope.abs() * x.error + rounding }
 }
 
 fn binary(function: Binary, a: Bounded, b: Bounded) -> Bounded {

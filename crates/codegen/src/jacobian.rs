@@ -70,18 +70,18 @@ impl Lowering<'_> {
             body.extend(values.iter().cloned().enumerate().map(|(at, value)| Statement::set("d", at, value)));
         }
         for (index, group) in self.evaluation.groups.iter().enumerate() {
-            let own = |entry: &Entry| (group.first..group.first + group.functions).contains(&entry.function);
-            let first = entries.iter().position(own).unwrap_or(0);
-            let count = entries.iter().filter(|entry| own(entry)).count();
+            let is_of_group = |entry: &Entry| (group.first..group.first + group.functions).contains(&entry.function);
+            let first = entries.iter().position(is_of_group).unwrap_or(0);
+            let count = entries.iter().filter(|entry| is_of_group(entry)).count();
             let entries = &entries[first..first + count];
             if count == 0 {
             } else if group.regions == 1 && group.basis.is_none() {
                 body.extend(straight_group(group, entries, &values[first..], variables));
             } else {
                 body.extend(self.table_group(index, group, entries, first, variables));
-                let own: Vec<(usize, usize)> =
+                let local: Vec<(usize, usize)> =
                     entries.iter().map(|entry| (entry.function - group.first, entry.variable)).collect();
-                body.extend(self.slopes_of_basis(index, group, (&own, first), variables));
+                body.extend(self.slopes_of_basis(index, group, (&local, first), variables));
             }
         }
         Ok(body)
@@ -93,13 +93,13 @@ impl Lowering<'_> {
         let functions: usize = self.evaluation.groups.iter().map(Group::width).sum();
         let mut entries = Vec::new();
         for (function, expression) in self.evaluation.expressions[..functions].iter().enumerate() {
-            let mut own: Vec<usize> = expression
+            let mut columns: Vec<usize> = expression
                 .columns()
                 .iter()
                 .filter_map(|column| names.iter().position(|name| **name == **column))
                 .collect();
-            own.sort_unstable();
-            for variable in own {
+            columns.sort_unstable();
+            for variable in columns {
                 let slope = expression.derivative(names[variable]).simplified();
                 if slope.as_number() != Some(0.0) {
                     entries.push(Entry { function, variable, slope });

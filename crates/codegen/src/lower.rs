@@ -216,8 +216,8 @@ impl Lowering<'_> {
             }
             Rule::Joined { cells, regions } => {
                 // The counter holds the cell until the table gives its region.
-                let own = regions.iter().map(|&own| own as usize + base).collect();
-                let table = self.table("joined", *number, "Region of each cell.", 16, Values::Indices(own));
+                let numbers = regions.iter().map(|&region| region as usize + base).collect();
+                let table = self.table("joined", *number, "Region of each cell.", 16, Values::Indices(numbers));
                 // The cells' rule stands in this one's place: it finds the counter as this one did.
                 *number -= 1;
                 let mut body = self.rule(cells, place, 0, region, number);
@@ -377,8 +377,8 @@ fn nested(
     region: &str,
 ) -> Vec<Statement> {
     match place {
-        Branch::Region(own) if known == Some(base + own as usize) => Vec::new(),
-        Branch::Region(own) => vec![Statement::SetCounter(region.to_owned(), (base + own as usize).into())],
+        Branch::Region(leaf) if known == Some(base + leaf as usize) => Vec::new(),
+        Branch::Region(leaf) => vec![Statement::SetCounter(region.to_owned(), (base + leaf as usize).into())],
         Branch::Cut(at) => {
             let cut = &tree.cuts[at];
             let (value, threshold) = (Real::at("q", first + cut.column), Real::Number(cut.threshold));

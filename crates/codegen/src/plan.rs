@@ -104,8 +104,8 @@ impl<'a> Plan<'a> {
         let signal = |column: usize| {
             let column = &model.columns[column];
             let part = column.rotation.as_ref();
-            let part =
-                part.map(|own| format!("{} of the {} {}", own.kind.letters()[own.part], own.kind.word(), own.group));
+            let part = part
+                .map(|part| format!("{} of the {} {}", part.kind.letters()[part.part], part.kind.word(), part.group));
             Signal { name: column.name.clone(), unit: column.unit.clone(), angle: column.angle, part }
         };
         let inputs: Vec<usize> = depths.keys().copied().filter(|column| !columns.contains(column)).collect();
@@ -232,12 +232,12 @@ fn refuse_leads(
 fn advanced(model: &Model) -> Result<(Vec<usize>, Vec<&Equation>), ExportError> {
     let (mut columns, mut equations) = (Vec::new(), Vec::new());
     for (index, column) in model.columns.iter().enumerate() {
-        let mut own = model
+        let mut latents = model
             .equations
             .iter()
             .filter(|equation| equation.prediction != Prediction::Value && equation.subject == column.name);
-        let Some(equation) = own.next() else { continue };
-        if own.next().is_some() {
+        let Some(equation) = latents.next() else { continue };
+        if latents.next().is_some() {
             return Err(ExportError::Contradiction { state: column.name.clone() });
         }
         columns.push(index);

@@ -55,7 +55,7 @@ fn bound(syntax: &dyn Syntax, value: &Real) -> (String, Binding) {
         Real::Unary(Unary::Neg, x) => (format!("-{}", within(x, Binding::Atom)), Binding::Sign),
         Real::Unary(function, x) => (syntax.unary(*function, &real(syntax, x)), Binding::Atom),
         Real::Binary(function, a, b) => {
-            let (operator, left, right, own) = match function {
+            let (operator, left, right, precedence) = match function {
                 Binary::Add => ("+", Binding::Sum, Binding::Product, Binding::Sum),
                 Binary::Sub => ("-", Binding::Sum, Binding::Product, Binding::Sum),
                 Binary::Mul => ("*", Binding::Product, Binding::Atom, Binding::Product),
@@ -66,7 +66,7 @@ fn bound(syntax: &dyn Syntax, value: &Real) -> (String, Binding) {
             };
             // A sign behind an operator stands in parentheses: `a - (-b)`.
             let right = if matches!(function, Binary::Add | Binary::Sub) && sign(b) { Binding::Atom } else { right };
-            (format!("{} {operator} {}", within(a, left), within(b, right)), own)
+            (format!("{} {operator} {}", within(a, left), within(b, right)), precedence)
         }
         Real::Sum(terms) => (sum(syntax, terms), if terms.len() > 1 { Binding::Sum } else { Binding::Product }),
     }

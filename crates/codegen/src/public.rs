@@ -111,7 +111,12 @@ impl Assembled<'_> {
             ),
         };
         let mut lines = vec![
-            format!("{} model {}, exported by fleetfoot {}.", model.method, self.own.hash(), env!("CARGO_PKG_VERSION")),
+            format!(
+                "{} model {}, exported by fleetfoot {}.",
+                model.method,
+                self.model.hash(),
+                env!("CARGO_PKG_VERSION")
+            ),
             fitted,
             String::new(),
         ];
@@ -133,7 +138,7 @@ impl Assembled<'_> {
         lines.extend(self.lags_doc());
         lines.push(String::new());
         lines.push("Equations:".into());
-        for equation in &self.own.equations {
+        for equation in &self.model.equations {
             let right = equation.right.to_string();
             let right: String =
                 if right.len() > 400 { right.chars().take(400).chain("...".chars()).collect() } else { right };
@@ -172,7 +177,7 @@ impl Assembled<'_> {
 
 impl Plan<'_> {
     /// Returns true if a parameter of a public function is taken from the model's variable.
-    pub(crate) fn own(&self, name: &str) -> bool {
+    pub(crate) fn keeps_in_model(&self, name: &str) -> bool {
         self.remembers() && matches!(name, "x" | "past" | "t")
     }
 }
@@ -180,7 +185,7 @@ impl Plan<'_> {
 impl Public<'_> {
     /// Parameters that the caller gives: name and kind.
     pub(crate) fn parameters(&self, plan: &Plan<'_>) -> Vec<(&'static str, Kind)> {
-        let given = self.inner.parameters.iter().filter(|parameter| !plan.own(parameter.name));
+        let given = self.inner.parameters.iter().filter(|parameter| !plan.keeps_in_model(parameter.name));
         given.map(|parameter| (self.outer_name(parameter.name), parameter.kind)).collect()
     }
 

@@ -78,10 +78,10 @@ impl Table {
 /// All tables of a partition whose transitions were counted; `step` is the sampling period, for people.
 pub(crate) fn tables(partition: &Partition, step: f64) -> Vec<Table> {
     let Some(counted) = &partition.transitions else { return Vec::new() };
-    let mut found = by_sample(counted, step);
-    found.extend(partition.phases.iter().flat_map(by_phase));
-    found.extend(differences(&partition.pairs, counted.counts.len()));
-    found
+    let mut tables = by_sample(counted, step);
+    tables.extend(partition.phases.iter().flat_map(by_phase));
+    tables.extend(differences(&partition.pairs, counted.counts.len()));
+    tables
 }
 
 fn by_sample(counted: &Transitions, step: f64) -> Vec<Table> {
@@ -116,8 +116,8 @@ fn by_phase(phases: &Phases) -> Vec<Table> {
     let (bins, count) = (phases.bins.count(), phases.strides.len());
     let (phase, regions) = (Size::Bins(bins), Size::Regions(count));
     let mut passages = vec![0; bins * count * count];
-    for own in &phases.passages {
-        passages[(own.bin as usize * count + own.from as usize) * count + own.to as usize] = own.rows;
+    for passage in &phases.passages {
+        passages[(passage.bin as usize * count + passage.from as usize) * count + passage.to as usize] = passage.rows;
     }
     let shares = (0..bins).flat_map(|bin| (0..count).map(move |region| phases.share(bin, region))).collect();
     let strides = (0..count).flat_map(|from| (0..count).map(move |to| phases.stride_probability(from, to))).collect();
@@ -181,7 +181,7 @@ impl TransitionTables {
     /// Those of the partition whose regions the code gives; `None` where none were counted.
     pub(crate) fn of(assembled: &Assembled<'_>) -> Option<Self> {
         let partition = &assembled.plan.model.partitions[assembled.reported()?];
-        let tables = tables(partition, assembled.own.step);
+        let tables = tables(partition, assembled.model.step);
         let bins = partition.phases.as_ref().map(|phases| phases.bins.count());
         (!tables.is_empty()).then_some(Self { tables, bins })
     }

@@ -230,7 +230,7 @@ fn label<'a>(model: &'a Model, name: &str) -> Option<&'a [f64]> {
 
 /// The range of a column that a region saw, from the statistics of the functions; without any, [-1, 1].
 fn range(model: &Model, name: &str, region: usize) -> [f64; 2] {
-    let mut found: Option<[f64; 2]> = None;
+    let mut range: Option<[f64; 2]> = None;
     for latent in &model.latents {
         let seen = &model.summaries[latent.partition].regions;
         let owner = model.latents.iter().find(|other| other.partition == latent.partition);
@@ -240,12 +240,12 @@ fn range(model: &Model, name: &str, region: usize) -> [f64; 2] {
         if let (Some((function, origin)), true, false) = (function, described, seen.is_empty()) {
             let [low, high] = seen[region % seen.len()].range[function].map(|v| v + origin);
             if low.is_finite() && high.is_finite() && low <= high {
-                let [l, h] = found.unwrap_or([low, high]);
-                found = Some([l.max(low), h.min(high)]);
+                let [l, h] = range.unwrap_or([low, high]);
+                range = Some([l.max(low), h.min(high)]);
             }
         }
     }
-    match found {
+    match range {
         Some([low, high]) if low <= high => [low, high],
         _ if model.column(name).is_some_and(|column| model.columns[column].angle) => {
             [-std::f64::consts::PI, std::f64::consts::PI]

@@ -123,8 +123,8 @@ fn index(value: &Index, visit: &mut dyn FnMut(&str)) {
 
 /// Returns true if a function uses one of its parameters.
 pub(crate) fn uses(body: &[Statement], parameter: &str) -> bool {
-    let mut found = false;
-    names(body, &mut |name| found |= name == parameter);
-    reals(body, &mut |value| found |= matches!(value, Real::Local(name) if name == parameter));
-    found
+    let mut is_used = false;
+    names(body, &mut |name| is_used |= name == parameter);
+    reals(body, &mut |value| is_used |= matches!(value, Real::Local(name) if name == parameter));
+    is_used
 }

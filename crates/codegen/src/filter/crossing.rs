@@ -114,7 +114,7 @@ impl Filter<'_> {
         let Self { all, n, nn, p, points, t, .. } = self;
         let two = self.c.number(2.0);
         // With residuals behind the states, the covariance of the states stands in a matrix of its own size.
-        let own = if self.behind > 0 { "first" } else { "pp" };
+        let target = if self.behind > 0 { "first" } else { "pp" };
         if self.behind > 0 {
             w.each("a", n, |w| {
                 w.each("b", n, |w| {
@@ -131,15 +131,15 @@ impl Filter<'_> {
                 writeln!(w, "{p}_offset_(l, i, offset);");
                 w.each("a", n, |w| {
                     w.through("b", "a", |w| {
-                        writeln!(w, "{own}[a * {n} + b] += (offset[a] - centre[a]) * (offset[b] - centre[b]);");
+                        writeln!(w, "{target}[a * {n} + b] += (offset[a] - centre[a]) * (offset[b] - centre[b]);");
                     });
                 });
             });
         });
         w.each("a", n, |w| {
             w.through("b", "a", |w| {
-                writeln!(w, "{own}[a * {n} + b] /= ({t})count + {two};");
-                writeln!(w, "{own}[b * {n} + a] = {own}[a * {n} + b];");
+                writeln!(w, "{target}[a * {n} + b] /= ({t})count + {two};");
+                writeln!(w, "{target}[b * {n} + a] = {target}[a * {n} + b];");
             });
             writeln!(w, "pm[a] = m[a] + centre[a];");
             self.wrap(w, "a", "pm[a]");

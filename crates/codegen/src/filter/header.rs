@@ -11,7 +11,8 @@ impl Filter<'_> {
         let Self { p, t, n, nn, r, all, square, points, sensors: s, .. } = self;
         let upper = self.c.upper();
         let names: Vec<&str> = self.inputs.iter().map(|&input| self.tables.inputs[input].as_str()).collect();
-        let sensors: Vec<&str> = self.tables.sensors.iter().map(|own| self.tables.states[own.0].as_str()).collect();
+        let sensors: Vec<&str> =
+            self.tables.sensors.iter().map(|sensor| self.tables.states[sensor.0].as_str()).collect();
         let about = format!(
             "Switched Kalman filter of the model {}: normal distributions of the states, one a region, whose points cross the borders of the regions. A step is {:?} s. C99, no heap, no global variables; all functions are reentrant, and all memory is that of a {p}_state. A measurement that is not a number was not made; an input that is none is held.",
             self.model.hash(),

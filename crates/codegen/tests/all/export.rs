@@ -48,11 +48,11 @@ impl Drop for Folder {
 
 /// Returns true if a program is there; prints a line if it is not.
 pub(crate) fn present(program: &str) -> bool {
-    let found = Command::new(program).arg("--version").output().is_ok();
-    if !found {
+    let is_installed = Command::new(program).arg("--version").output().is_ok();
+    if !is_installed {
         eprintln!("no `{program}` on this machine: exported code is not compiled");
     }
-    found
+    is_installed
 }
 
 /// Runs a program; returns its output if it fails.

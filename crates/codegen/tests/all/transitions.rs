@@ -15,8 +15,8 @@ use crate::{
 fn expected(most: u64) -> (Vec<u64>, Vec<f64>) {
     let (transitions, phases) = (Transitions { counts: counts(most) }, phases(most));
     let mut passages = vec![0; 50];
-    for own in &phases.passages {
-        passages[(own.bin * 25 + own.from * 5 + own.to) as usize] = own.rows;
+    for passage in &phases.passages {
+        passages[(passage.bin * 25 + passage.from * 5 + passage.to) as usize] = passage.rows;
     }
     let mut counts: Vec<u64> = transitions.counts.iter().chain(&phases.rows).flatten().copied().collect();
     counts.extend(passages);
