@@ -123,16 +123,16 @@ impl CentralDifference {
 
     /// That which it makes in [`CentralDifference::truncation`].
     pub fn amplification_of_truncation(reach: usize) -> f64 {
-        let (own, better) = (per_sample(reach), per_sample(reach + 1));
-        let own = own.into_iter().chain(std::iter::repeat(0.0));
-        own.zip(better).map(|(a, b)| 2.0 * (a - b) * (a - b)).sum()
+        let (weights, better) = (per_sample(reach), per_sample(reach + 1));
+        let weights = weights.into_iter().chain(std::iter::repeat(0.0));
+        weights.zip(better).map(|(a, b)| 2.0 * (a - b) * (a - b)).sum()
     }
 
     /// The central difference that an expression is, whoever wrote it.
     pub fn recognised(expression: &Expr) -> Option<Self> {
         let mut node = expression.clone();
         loop {
-            let found = [-1, 1].into_iter().flat_map(|sign| (0..=3).map(move |lag| sign * lag)).find_map(|lag| {
+            let form = [-1, 1].into_iter().flat_map(|sign| (0..=3).map(move |lag| sign * lag)).find_map(|lag| {
                 let of = node.shifted(lag);
                 let forms = REACHES.into_iter().flat_map(|reach| {
                     let with = |spacing, angle| Self { of: of.clone(), angle, reach, spacing };
@@ -140,8 +140,8 @@ impl CentralDifference {
                 });
                 forms.flatten().find(|form| form.expression() == *expression)
             });
-            if found.is_some() {
-                return found;
+            if form.is_some() {
+                return form;
             }
             // What is differentiated is the first thing that the difference speaks of and that is no weight.
             node = match node.node() {
@@ -223,8 +223,11 @@ mod tests {
                 let (stamps, form) = (stamps(jitter), difference(reach, spacing).expression());
                 for degree in 1..=form_degree(reach) {
                     let slope = f64::from(degree) * stamps[10].powi(degree - 1);
-                    let found = value(&form, &stamps, |t| t.powi(degree));
-                    assert!((found / slope - 1.0).abs() < 1e-11, "{reach} {spacing:?} {degree}: {found} {slope}");
+                    let derivative = value(&form, &stamps, |t| t.powi(degree));
+                    assert!(
+                        (derivative / slope - 1.0).abs() < 1e-11,
+                        "{reach} {spacing:?} {degree}: {derivative} {slope}"
+                    );
                 }
                 let degree = form_degree(reach) + 1;
                 let slope = f64::from(degree) * stamps[10].powi(degree - 1);
@@ -251,16 +254,19 @@ mod tests {
             let form = difference(1, spacing);
             assert!(value(&form.noise(), &stamps, f64::sin).abs() < 1e-9);
             let blip = |t: f64| if t == stamps[10] { 1.0 } else { 0.0 };
-            let found = value(&form.noise(), &stamps, blip).abs() * 0.1 * 1.7057;
-            assert!((found - 1.0).abs() < 0.2, "{found}");
+            let noise = value(&form.noise(), &stamps, blip).abs() * 0.1 * 1.7057;
+            assert!((noise - 1.0).abs() < 0.2, "{noise}");
         }
     }
 
     #[test]
     fn amplifications_are_sums_of_squared_weights() {
-        let found = REACHES.map(CentralDifference::amplification);
+        let amplifications = REACHES.map(CentralDifference::amplification);
         let expected = [0.5, 130.0 / 144.0, 4214.0 / 3600.0];
-        found.iter().zip(expected).for_each(|(found, expected)| assert!((found - expected).abs() < 1e-12));
+        amplifications
+            .iter()
+            .zip(expected)
+            .for_each(|(amplification, expected)| assert!((amplification - expected).abs() < 1e-12));
         assert!((CentralDifference::amplification_of_truncation(2) - 0.0233333).abs() < 1e-6);
     }
 

@@ -14,7 +14,7 @@ impl Expr {
     /// A filter's column is a column like any other: see [`Expr::sensitivity`] for what its constant does.
     pub fn derivative(&self, name: &str) -> Expr {
         self.chain_rule(|leaf| match leaf {
-            Node::Column { name: own, lag: 0 } if **own == *name => Expr::number(1.0),
+            Node::Column { name: column, lag: 0 } if **column == *name => Expr::number(1.0),
             _ => Expr::number(0.0),
         })
     }

@@ -91,8 +91,9 @@ impl Design {
         let count = out.index.len().max(1);
         let largest = |column: &[f64]| column.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
         // The first: what others are made of stands before them.
-        let found = out.values.chunks_exact(count).zip(&self.expressions).find(|(column, _)| largest(column) > LARGEST);
-        let Some((column, expression)) = found else { return Ok(()) };
+        let too_large =
+            out.values.chunks_exact(count).zip(&self.expressions).find(|(column, _)| largest(column) > LARGEST);
+        let Some((column, expression)) = too_large else { return Ok(()) };
         let at = column.iter().position(|value| value.abs() > LARGEST).unwrap_or_default();
         Err(TooLarge {
             expression: expression.to_string(),

@@ -151,8 +151,8 @@ impl Expr {
             return self.clone();
         }
         self.rebuild(|node| match node {
-            Node::Column { name, lag: own } => Some(Self::lagged(name.clone(), own.saturating_add(lag))),
-            Node::Time { lag: own } => Some(Self::from_node(Node::Time { lag: own.saturating_add(lag) })),
+            Node::Column { name, lag: base } => Some(Self::lagged(name.clone(), base.saturating_add(lag))),
+            Node::Time { lag: base } => Some(Self::from_node(Node::Time { lag: base.saturating_add(lag) })),
             _ => None,
         })
     }

@@ -104,7 +104,7 @@ impl<'a> Parser<'a> {
     pub(crate) fn operator(&mut self, outer: Power) -> Option<(Binary, usize, Power)> {
         self.skip_space();
         let rest = &self.text.as_bytes()[self.at..];
-        let (function, length, own, right) = match rest {
+        let (function, length, precedence, right) = match rest {
             // Right to left: the exponent takes its own powers and signs.
             [b'*', b'*', ..] => return Some((Binary::Pow, 2, Power::Sign)),
             [b'^', ..] => return Some((Binary::Pow, 1, Power::Sign)),
@@ -114,7 +114,7 @@ impl<'a> Parser<'a> {
             [b'/', ..] => (Binary::Div, 1, Power::Product, Power::Product),
             _ => return None,
         };
-        (own > outer).then_some((function, length, right))
+        (precedence > outer).then_some((function, length, right))
     }
 
     /// A value with its signs.
@@ -248,11 +248,11 @@ impl<'a> Parser<'a> {
     }
 
     pub(crate) fn expected(&self, expected: &'static str) -> ParseError {
-        let found = match self.text[self.at..].chars().next() {
+        let character = match self.text[self.at..].chars().next() {
             Some(c) => format!("`{c}`"),
             None => "the end".to_owned(),
         };
-        self.error(self.at, ParseErrorKind::Expected { expected, found })
+        self.error(self.at, ParseErrorKind::Expected { expected, found: character })
     }
 
     pub(crate) fn error(&self, position: usize, kind: ParseErrorKind) -> ParseError {

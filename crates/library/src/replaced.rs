@@ -45,18 +45,18 @@ impl Expr {
 
     /// Its columns (`None` is time) with the rows back at which it reads them, each pair once.
     pub fn reads(&self) -> Vec<(Option<Arc<str>>, i32)> {
-        let mut found = Vec::new();
+        let mut parts = Vec::new();
         self.fold(|part, _: &[()]| {
             let read = match part.node() {
                 Node::Column { name, lag } => (Some(name.clone()), *lag),
                 Node::Time { lag } => (None, *lag),
                 _ => return,
             };
-            if !found.contains(&read) {
-                found.push(read);
+            if !parts.contains(&read) {
+                parts.push(read);
             }
         });
-        found
+        parts
     }
 
     /// The rows by which this is another expression shifted back: `self == other.shifted(lag)`. `None` where it is not, and for what reads nothing.

@@ -86,14 +86,14 @@ impl Scope {
         self.check_pending(prefix)?;
         let prefix = self.groups.get(prefix).map_or(prefix, String::as_str);
         for separator in SEPARATORS {
-            let mut found = Vec::with_capacity(N);
+            let mut components = Vec::with_capacity(N);
             for letter in letters {
                 let Some(expr) = self.find(&format!("{prefix}{separator}{letter}"))? else {
                     break;
                 };
-                found.push(expr);
+                components.push(expr);
             }
-            if let Ok(components) = found.try_into() {
+            if let Ok(components) = components.try_into() {
                 return Ok(components);
             }
         }

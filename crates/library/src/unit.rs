@@ -134,9 +134,10 @@ impl Unit {
         for base in &mut dimension {
             *base = raised(*base)?;
         }
-        let symbols = self.symbols.iter().map(|(name, own)| Some((name.clone(), raised(*own)?)));
-        let symbols =
-            symbols.filter(|symbol| symbol.as_ref().is_none_or(|(_, own)| *own != 0)).collect::<Option<_>>()?;
+        let symbols = self.symbols.iter().map(|(name, exponent)| Some((name.clone(), raised(*exponent)?)));
+        let symbols = symbols
+            .filter(|symbol| symbol.as_ref().is_none_or(|(_, exponent)| *exponent != 0))
+            .collect::<Option<_>>()?;
         Some(Self { symbols, dimension, scale: self.scale.powf(exponent) })
     }
 
@@ -144,13 +145,13 @@ impl Unit {
         let mut joined = self.clone();
         for (name, exponent) in &other.symbols {
             match joined.symbols.iter_mut().find(|(known, _)| known == name) {
-                Some((_, own)) => *own = own.saturating_add(sign * exponent),
+                Some((_, total)) => *total = total.saturating_add(sign * exponent),
                 None => joined.symbols.push((name.clone(), sign * exponent)),
             }
         }
         joined.symbols.retain(|(_, exponent)| *exponent != 0);
-        for (own, exponent) in joined.dimension.iter_mut().zip(other.dimension) {
-            *own = own.saturating_add(sign * exponent);
+        for (dimension, exponent) in joined.dimension.iter_mut().zip(other.dimension) {
+            *dimension = dimension.saturating_add(sign * exponent);
         }
         joined.scale *= if sign < 0 { 1.0 / other.scale } else { other.scale };
         joined
@@ -168,8 +169,8 @@ impl Display for Unit {
     /// As it was written: names with positive exponents, then those below; `1` for a pure number.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let side = |sign: i32| {
-            let own = self.symbols.iter().filter(|(_, exponent)| exponent.signum() == sign);
-            own.map(|(name, exponent)| power_text(name, exponent.abs())).collect::<Vec<_>>()
+            let symbols = self.symbols.iter().filter(|(_, exponent)| exponent.signum() == sign);
+            symbols.map(|(name, exponent)| power_text(name, exponent.abs())).collect::<Vec<_>>()
         };
         let (above, below) = (side(1), side(-1));
         match above.as_slice() {

@@ -41,10 +41,10 @@ fn plain_aliases_share_and_expressions_compute() {
             let value = |row: f64| row * row + 100.0;
             let rate = if row == 0.0 { f64::NAN } else { (value(row) - value(row - 1.0)) / 0.5 };
             let ahead = if row > 7.0 { f64::NAN } else { value(row + 2.0) };
-            for (found, expected) in
+            for (value, expected) in
                 [(block.column(1)[at], rate), (block.column(2)[at], ahead), (block.column(3)[at], row)]
             {
-                assert!(found == expected || found.is_nan() && expected.is_nan(), "row {row}: {found} {expected}");
+                assert!(value == expected || value.is_nan() && expected.is_nan(), "row {row}: {value} {expected}");
             }
         }
     }

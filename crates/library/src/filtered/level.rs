@@ -216,8 +216,8 @@ impl Level {
             // Not held while reading: a reader may wait for work that needs this very lock.
             let (next, last) = {
                 let states = known.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(found) = states.get(segment) {
-                    return Ok(found.clone());
+                if let Some(state) = states.get(segment) {
+                    return Ok(state.clone());
                 }
                 (states.len(), states.last().cloned())
             };

@@ -188,9 +188,9 @@ impl Parser<'_> {
 
     fn exactly<const N: usize>(&mut self, function: &str, start: usize) -> Result<[Expr; N], ParseError> {
         let arguments = self.arguments()?;
-        let found = arguments.len();
+        let count = arguments.len();
         arguments.try_into().map_err(|_| {
-            self.error(start, ParseErrorKind::Arguments { function: function.to_owned(), expected: N, found })
+            self.error(start, ParseErrorKind::Arguments { function: function.to_owned(), expected: N, found: count })
         })
     }
 }

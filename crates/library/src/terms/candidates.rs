@@ -89,13 +89,13 @@ impl Workshop {
             let Some(at) = powers.iter().position(even) else { return };
             let (atom, exponent) = powers.swap_remove(at);
             let within = self.within[atom].iter().flatten();
-            powers.extend(within.map(|&(inner, own)| (inner, own.saturating_mul(exponent))));
+            powers.extend(within.map(|&(inner, power)| (inner, power.saturating_mul(exponent))));
         }
     }
 
     /// `a*b^exponent`, with no number in front.
     fn times(&self, a: &Candidate, b: &Candidate, exponent: i32) -> Candidate {
-        let raised = b.powers.iter().map(|&(atom, own)| (atom, own.saturating_mul(exponent)));
+        let raised = b.powers.iter().map(|&(atom, power)| (atom, power.saturating_mul(exponent)));
         let mut powers: Powers = a.powers.iter().copied().chain(raised).collect();
         self.settle(&mut powers);
         // A factor of 1 leaves the other as it was written.

@@ -32,7 +32,7 @@ impl PolynomialLibrary {
             if product.factor() != 1.0 || product.powers.is_empty() {
                 return None;
             }
-            let mut own = Vec::with_capacity(product.powers.len());
+            let mut raised = Vec::with_capacity(product.powers.len());
             let mut total = 0u32;
             for (base, exponent) in product.powers {
                 let exponent = u8::try_from(exponent).ok()?;
@@ -41,18 +41,18 @@ impl PolynomialLibrary {
                     variables.push(base);
                     variables.len() - 1
                 });
-                own.push((at, exponent));
+                raised.push((at, exponent));
             }
             degree = degree.max(total);
-            powers.push(own);
+            powers.push(raised);
         }
         // As many distinct monomials as there are of this degree and less: then they are these.
         if variables.is_empty() || crate::library::monomials(variables.len(), degree) != Some(functions.len()) {
             return None;
         }
-        let dense = |own: &Vec<(usize, u8)>| {
+        let dense = |powers: &Vec<(usize, u8)>| {
             let mut exponents = vec![0u8; variables.len()];
-            for &(at, exponent) in own {
+            for &(at, exponent) in powers {
                 exponents[at] = exponents[at].checked_add(exponent)?;
             }
             Some(exponents)

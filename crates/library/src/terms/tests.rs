@@ -138,9 +138,9 @@ fn full_polynomials_are_recognised_in_any_form() {
     let variables = [Expr::column("x"), Expr::lagged("y", 1), Expr::column("z").sin()];
     for degree in 2..5 {
         let functions = crate::Library::polynomial(&variables, degree).unwrap().functions().to_vec();
-        let found = PolynomialLibrary::of(&functions).unwrap();
-        assert_eq!((found.variables.as_slice(), found.degree), (&variables[..], degree as usize));
-        for (function, exponents) in functions.iter().zip(&found.exponents) {
+        let library = PolynomialLibrary::of(&functions).unwrap();
+        assert_eq!((library.variables.as_slice(), library.degree), (&variables[..], degree as usize));
+        for (function, exponents) in functions.iter().zip(&library.exponents) {
             let powers = variables.iter().zip(exponents).filter(|(_, k)| **k > 0);
             let product = powers.map(|(x, &k)| x.powi(i32::from(k))).reduce(|a, b| a * b).unwrap();
             assert_eq!(*function, product);
@@ -158,7 +158,7 @@ fn full_polynomials_are_recognised_in_any_form() {
     let parsed = over(&["x", "y"], &["poly(3)"]).unwrap().as_polynomial().unwrap();
     assert_eq!((parsed.degree, parsed.exponents.len()), (3, 9));
     let written = over(&["x", "y"], &["y*(x*y)", "y^3", "x", "x*(x*x)", "y*y", "x*y", "y", "x*(x*y)", "x^2"]).unwrap();
-    assert_eq!(written.as_polynomial().map(|found| found.degree), Some(3));
+    assert_eq!(written.as_polynomial().map(|library| library.degree), Some(3));
     assert_eq!(over(&["x", "y"], &["poly(2) + sin"]).unwrap().as_polynomial(), None);
     assert_eq!(PolynomialLibrary::of(&[]), None);
 }

@@ -43,9 +43,9 @@ fn names_have_the_sizes_of_the_si() {
         ("g", 1e-3, "kg"),
         ("L", 1e-3, "m^3"),
     ] {
-        let (own, of) = (unit(text), unit(of));
-        assert!(own.same_dimension(&of), "{text}");
-        assert!((own.scale() / of.scale() - scale).abs() <= 1e-12 * scale, "{text}: {}", own.scale());
+        let (unit, of) = (unit(text), unit(of));
+        assert!(unit.same_dimension(&of), "{text}");
+        assert!((unit.scale() / of.scale() - scale).abs() <= 1e-12 * scale, "{text}: {}", unit.scale());
     }
     assert_ne!(unit("m"), unit("mm"));
     assert_ne!(unit("N"), unit("J"));
@@ -83,7 +83,7 @@ fn of(text: &str) -> Result<Option<String>, UnitError> {
         _ => None,
     };
     let expr = Expr::parse(text, &Scope::open()).unwrap();
-    expr.unit(column).map(|found| found.map(|found| found.to_string()))
+    expr.unit(column).map(|result| result.map(|unit| unit.to_string()))
 }
 
 #[test]

@@ -65,10 +65,10 @@ proptest! {
         let value = |text: &str| Expr::parse(text, &scope()).unwrap().value(column, |_| 0.0);
         for q in ["q", "p", "quat(q.x, q.y, q.z, q.w)", "quat(2*px, 2*py, 2*pz, 2*pw)"] {
             for (function, wanted) in [("yaw", yaw), ("pitch", pitch), ("roll", roll)] {
-                let found = value(&format!("{function}({q})"));
+                let value = value(&format!("{function}({q})"));
                 // Close to the vertical, yaw and roll each are known less well.
                 let tolerance = 1e-13 / pitch.cos();
-                prop_assert!((found - wanted).abs() < tolerance, "{}({}) = {} not {}", function, q, found, wanted);
+                prop_assert!((value - wanted).abs() < tolerance, "{}({}) = {} not {}", function, q, value, wanted);
             }
             for vector in ["v", "/imu.a", "vec(v_x, v_y, v_z)"] {
                 for (i, part) in ["x", "y", "z"].iter().enumerate() {
@@ -125,15 +125,15 @@ proptest! {
         let h = 1e-5;
         let [w, x, y, z] = ["qw", "qx", "qy", "qz"].map(Expr::column);
         let expressions = ["wx", "wy", "wz"].map(Expr::column);
-        let found = Quaternion::new(x, y, z, w).rates(&expressions, world);
-        for (i, own) in found.iter().enumerate() {
+        let rates = Quaternion::new(x, y, z, w).rates(&expressions, world);
+        for (i, rate) in rates.iter().enumerate() {
             let slope = (turned(h)[i] - turned(-h)[i]) / (2.0 * h);
-            prop_assert!((value(own) - slope).abs() < 1e-9, "{i}: {} not {slope}", value(own));
+            prop_assert!((value(rate) - slope).abs() < 1e-9, "{i}: {} not {slope}", value(rate));
         }
         let vector = ["vx", "vy", "vz"].map(Expr::column);
-        for (i, own) in rotation_vector_rates(&vector, &expressions, world).iter().enumerate() {
+        for (i, rate) in rotation_vector_rates(&vector, &expressions, world).iter().enumerate() {
             let slope = (logarithm(turned(h))[i] - logarithm(turned(-h))[i]) / (2.0 * h);
-            prop_assert!((value(own) - slope).abs() < 1e-8, "{i}: {} not {slope}", value(own));
+            prop_assert!((value(rate) - slope).abs() < 1e-8, "{i}: {} not {slope}", value(rate));
         }
     }
 
@@ -154,8 +154,8 @@ proptest! {
         let value = |text: &str| Expr::parse(text, &scope).unwrap().value(column, |_| 0.0);
         for part in ["x", "y", "z"] {
             for function in ["rotate", "rotate_inv"] {
-                let (own, other) = (value(&format!("{function}(attitude, a).{part}")), value(&format!("{function}(q, a).{part}")));
-                prop_assert!((own - other).abs() < 1e-13, "{own} {other}");
+                let (value, other) = (value(&format!("{function}(attitude, a).{part}")), value(&format!("{function}(q, a).{part}")));
+                prop_assert!((value - other).abs() < 1e-13, "{value} {other}");
             }
         }
         prop_assert!((value("yaw(attitude)") - value("yaw(q)")).abs() < 1e-12);
