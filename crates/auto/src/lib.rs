@@ -184,7 +184,7 @@ fn bytes_within(folder: &Path) -> u64 {
     entries.map(of).sum()
 }
 
-/// What the training rows say before the first fit.
+/// Properties of the training rows, measured before the first fit.
 struct Looked {
     horizon: HorizonChoice,
     rows: Rows,
@@ -213,7 +213,7 @@ impl Search<'_> {
         }
     }
 
-    /// What candidates must know of the training rows.
+    /// Measures the properties of the training rows that candidates need.
     fn look(&mut self, progress: &dyn Progress) -> Result<Looked, Error> {
         let training = self.logs.only(Part::Training);
         let dataset = Dataset::for_columns(self.recipe, None, training, progress)?;
