@@ -98,10 +98,10 @@ pub struct Recipe {
     /// Options of an autoregression: defaults of the flags of `fit narx`.
     #[serde(skip_serializing_if = "is_default")]
     pub narx: NarxSection,
-    /// How a network is trained and chosen: what the flags of `fit network` say when they are not given.
+    /// Training and choice of a network: defaults of the flags of `fit network`.
     #[serde(skip_serializing_if = "is_default")]
     pub network: NetworkSection,
-    /// What a regulator is to do: what the flags of `control lqr` say when they are not given.
+    /// Design of a regulator: defaults of the flags of `control lqr`.
     #[serde(skip_serializing_if = "is_default")]
     pub control: ControlSection,
     /// Options of the preparation of channels: defaults of the flags of `prepare`.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{bounds::whole, narx::Effort, settings::settings};
 
-/// What the units of a network do with their sums.
+/// Activation function of a network's hidden units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActivationWord {
@@ -68,12 +68,12 @@ impl From<HiddenLayers> for String {
 
 settings! {
     network, |_, _| {};
-    /// How a network is trained and chosen. Every entry is the flag of `fit network` of the same name.
+    /// Training and choice of a network. Every entry is the flag of `fit network` of the same name.
     pub struct NetworkSection {
         /// Units of every hidden layer, with commas (default: sizes from small to large, chosen by held-out rows).
         #[arg(long, value_name = "UNITS")]
         pub hidden: HiddenLayers,
-        /// What units do with their sums (default: tanh).
+        /// Activation function of the hidden units (default: tanh).
         #[arg(long, value_enum, value_name = "FUNCTION")]
         pub activation: ActivationWord,
         /// Sizes that are tried, and the passes over rows that training takes: a count of work, never of seconds (default: normal).

@@ -32,7 +32,7 @@ pub enum UnseenLabels {
     Pool,
 }
 
-/// How a model of several regions goes on outside of the ranges that they saw in training.
+/// Prediction of a model of several regions outside of the training ranges of its regions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideRanges {
@@ -91,8 +91,8 @@ settings! {
         /// Rule for labels that training did not see (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,
-        /// How a model of several regions goes on where a regressor leaves the range that its region saw in training; maps that are bounded or meet at borders always
-        /// extrapolate (default: average).
+        /// Prediction where a regressor leaves the training range of its region (bounded maps, and maps that
+        /// meet at borders, always extrapolate) (default: average).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub outside: OutsideRanges,
         /// Seed of k-means++ (default: 0).
