@@ -73,7 +73,7 @@ impl Logs {
         }
     }
 
-    /// Which of their rows are read.
+    /// Part of the rows that is read.
     pub fn part(&self) -> Part {
         self.part
     }
