@@ -2,7 +2,7 @@
 
 use crate::{DecodeError, Value};
 
-/// How a number lies in its bytes, little-endian.
+/// Binary format of a number, little-endian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Kind {
     Bool,
@@ -27,7 +27,7 @@ pub(super) enum Kind {
     },
 }
 
-/// What bits stand for.
+/// Type of a bit field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum BitKind {
     Bool,

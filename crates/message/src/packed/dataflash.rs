@@ -12,7 +12,7 @@ use crate::{Codec, SchemaError};
 /// Numbers of an array (letter `a`).
 const ARRAY: usize = 32;
 
-/// What a letter of a format stands for, with the factor that it has by itself.
+/// Type behind a letter of a format, with the factor that the letter implies.
 fn shape(letter: u8) -> Option<(Shape, Option<f64>)> {
     let number = |kind, scale| Some((Shape::Number(Number { kind, scale }), scale));
     match letter {

@@ -1,4 +1,4 @@
-//! Where the parts of a message lie.
+//! Offsets of the parts of a message.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ pub(super) struct Part {
     pub(super) unit: Option<String>,
 }
 
-/// What a part is.
+/// Type of a part.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Shape {
     Number(Number),
@@ -53,7 +53,7 @@ impl Shape {
         }
     }
 
-    /// What a person calls it.
+    /// Name of the type in messages.
     fn words(&self) -> &'static str {
         match self {
             Self::Struct(_) => "a struct",
@@ -73,7 +73,7 @@ pub(super) struct Target {
     pub(super) leaf: Leaf,
 }
 
-/// What a wanted field is.
+/// Type of a wanted field.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Leaf {
     Number(Number),
@@ -95,7 +95,7 @@ impl Layout {
         self.parts.iter().find(|part| *part.name == *name)
     }
 
-    /// Where a wanted field lies.
+    /// Offset and type of a wanted field.
     ///
     /// # Errors
     /// A field that there is not, and one that is no number or text.
