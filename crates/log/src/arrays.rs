@@ -27,7 +27,7 @@ use crate::{
 };
 use table::ArrayTable;
 
-/// What a file is, as far as it tells without its values.
+/// Description of a file that needs no values.
 pub(crate) struct Description {
     /// Columns, each with why it cannot be read, if so.
     pub columns: Vec<(Column, Result<(), String>)>,

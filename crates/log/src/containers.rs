@@ -68,12 +68,12 @@ fn joined<F>(
     }
 }
 
-/// Whether files of a format may be parts of one recording, numbered by their recorder; with the packing of the whole file.
+/// True if numbered files of a format, packed or not, may be parts of one recording.
 pub(crate) fn is_split(format: Format) -> bool {
     matches!(format, Format::Mcap(_) | Format::Bag(_) | Format::Db3(_))
 }
 
-/// Whether a folder is one recording, not a place for several: `None` where it is not, else why it cannot be read, if so.
+/// `Some` if a folder is one recording rather than a place for several, with the error if it cannot be read.
 pub(crate) fn folder(path: &Path) -> Option<Result<(), Error>> {
     is_bag(path).then(|| rosbag2::files(path).map(drop))
 }

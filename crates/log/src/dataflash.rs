@@ -27,5 +27,5 @@ use crate::{container::Kind, format::DATAFLASH};
 const BINARY: &[u8] = DATAFLASH[0];
 const TEXT: &[u8] = DATAFLASH[1];
 
-/// What messages about other files call a log.
+/// Name of the format in messages about other files.
 const KIND: Kind = Kind { name: "ArduPilot DataFlash", magic: BINARY };

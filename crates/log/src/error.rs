@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use fleetfoot_data::Cancelled;
 use fleetfoot_data::setting::{self, DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION};
 
-/// What is readable, for messages.
+/// Readable formats, for messages.
 pub(crate) const KNOWN: &str = ".mcap, .bag, .db3, .ulg, .bin and .log (ArduPilot), .wpilog, .csv, .tsv, .txt (each also with .gz or .zst), .parquet, .npy, .npz, .mat; and rosbag2 folders";
 
 /// Why a file could not be read.

@@ -8,7 +8,7 @@ pub(crate) const BAG_METADATA: &str = "metadata.yaml";
 /// The key under which everything stands in it.
 pub(crate) const BAG_KEY: &[u8] = b"rosbag2_bagfile_information";
 
-/// What the logs of ArduPilot begin with: a message that defines the first type, binary or as text.
+/// First bytes of ArduPilot logs: a message that defines the first type, binary or as text.
 pub(crate) const DATAFLASH: [&[u8]; 2] = [&[0xa3, 0x95, 0x80], b"FMT,"];
 
 /// A readable file format.
@@ -94,7 +94,7 @@ impl Format {
         }
     }
 
-    /// Whether it is a robot's log: messages by topic, not rows of a table.
+    /// True for a robot's log (messages by topic), false for a table of rows.
     pub fn is_log(self) -> bool {
         !matches!(self, Self::Parquet | Self::Csv(_) | Self::Npy | Self::Npz | Self::Mat)
     }
@@ -149,7 +149,7 @@ fn start(path: &Path, compression: Compression) -> Vec<u8> {
     start
 }
 
-/// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
+/// True if a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
 pub(crate) fn is_bag(folder: &Path) -> bool {
     let path = folder.join(BAG_METADATA);
     path.is_file()

@@ -18,7 +18,7 @@ mod definitions;
 
 pub(crate) use database::DatabaseContainer;
 
-/// How a recording in another storage is brought into one that is read.
+/// Command that converts a recording from a storage that cannot be read.
 const CONVERT: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.yaml`, where out.yaml says `output_bags: [{uri: NEW_FOLDER, storage_id: mcap, all: true}]`";
 
 /// Bytes of metadata that are read; real ones have a few kilobytes per topic.

@@ -18,5 +18,5 @@ pub(crate) use container::WpilogContainer;
 
 use crate::container::Kind;
 
-/// What the files begin with; the version follows.
+/// First bytes of the files; the version follows.
 const KIND: Kind = Kind { name: "WPILOG", magic: b"WPILOG" };

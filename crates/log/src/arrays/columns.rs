@@ -8,7 +8,7 @@ use crate::{TimeUnit, container::Map};
 /// Columns of one file; more only make it slow.
 pub(super) const MAX_COLUMNS: usize = 1 << 16;
 
-/// What the elements of an array are.
+/// Type of an array's elements.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Element {
     Number(Number),
@@ -28,7 +28,7 @@ pub(super) enum Element {
         fields: Vec<Field>,
         size: usize,
     },
-    /// What is not read: its type and its bytes.
+    /// An element that is not read: its type and its size in bytes.
     Other {
         kind: String,
         size: usize,
@@ -59,7 +59,7 @@ impl Element {
 pub(super) struct Array {
     pub(super) name: String,
     pub(super) bytes: Arc<Map>,
-    /// Where its first element is.
+    /// Offset of its first element.
     pub(super) at: usize,
     pub(super) shape: Vec<usize>,
     /// Bytes from one element to the next, by dimension.

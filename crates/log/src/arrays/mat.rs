@@ -10,10 +10,10 @@ use super::{
 };
 use crate::{Error, container::Map};
 
-/// What a file begins with.
+/// First bytes of a file.
 pub(super) const MAGIC: &[u8] = b"MATLAB 5.0";
 
-/// What files of `save -v7.3` begin with, with and without MATLAB's head.
+/// First bytes of files of `save -v7.3`, with and without MATLAB's head.
 pub(super) const HDF5: (&[u8], &[u8]) = (b"MATLAB 7.3", b"\x89HDF\r\n\x1a\n");
 
 /// Bytes of a file's head.
@@ -54,7 +54,7 @@ pub(super) fn refused(path: &Path) -> Error {
     }
 }
 
-/// What lies in a file: variables that are arrays of numbers, and what was left out.
+/// Content of a file: variables that are arrays of numbers, and those left out.
 #[derive(Default)]
 struct Found {
     arrays: Vec<Array>,
@@ -228,7 +228,7 @@ fn numbers(
 struct Elements<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Where they end.
+    /// Offset of their end.
     limit: usize,
     big: bool,
 }

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{Error, TimeUnit, container::Map};
 
-/// What a file begins with; the version follows.
+/// First bytes of a file; the version follows.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Structs inside each other.

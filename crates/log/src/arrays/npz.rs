@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{Error, container::Map};
 
-/// What an archive begins with.
+/// First bytes of an archive.
 pub(super) const MAGIC: &[u8] = b"PK\x03\x04";
 
 const END: &[u8] = b"PK\x05\x06";
@@ -38,7 +38,7 @@ struct Entry {
     sum: u32,
     packed: usize,
     unpacked: u64,
-    /// Where its head is.
+    /// Offset of its head.
     at: usize,
 }
 
@@ -171,7 +171,7 @@ fn unpacked(map: &Arc<Map>, entry: &Entry) -> Option<(Arc<Map>, Range<usize>)> {
     }
 }
 
-/// What a decoder gives, at most `limit` bytes and one, in a temporary file, with its checksum; `None` where nothing is given, or nothing can be kept.
+/// Decoded bytes in a temporary file, at most `limit + 1`, with their checksum; `None` if empty or not writable.
 pub(super) fn inflated(mut input: impl Read, limit: u64) -> Option<(Map, u32)> {
     let mut file = tempfile::tempfile().ok()?;
     let (mut buffer, mut sum, mut total) = (vec![0; 1 << 18], crc32fast::Hasher::new(), 0_u64);

@@ -1,6 +1,6 @@
 //! Numbers in the bytes of an array.
 
-/// How a number lies in its bytes.
+/// Binary format of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Bool,

@@ -68,7 +68,7 @@ impl ArrayTable {
         Ok(Self { name: path.to_string_lossy().into_owned(), rows, parts, columns, notes, texts })
     }
 
-    /// What a person should know of the file.
+    /// Notes on the file.
     pub(super) fn notes(&self) -> &[String] {
         &self.notes
     }

@@ -1,4 +1,4 @@
-//! What the messages of a log define: formats, units, factors, parameters.
+//! Definitions in the messages of a log: formats, units, factors, parameters.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -105,7 +105,7 @@ impl Format {
         Some(Field { at, letter, size: dataflash_letter(letter)?.0 })
     }
 
-    /// Whether its messages are a topic.
+    /// True if its messages are a topic.
     pub(super) fn is_topic(&self) -> bool {
         !DEFINING.contains(&self.name.as_str())
     }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::format::{Form, Format, Formats, HEAD};
 
-/// What a binary message begins with; its type follows.
+/// First bytes of a binary message; its type follows.
 const MARK: [u8; 2] = [0xa3, 0x95];
 
 /// Why a message that the bytes end in is none.
@@ -30,7 +30,7 @@ impl Form {
         }
     }
 
-    /// Whether a message may begin at a place, or the bytes end there.
+    /// True if a message may begin at an offset, or the bytes end there.
     pub(super) fn may_begin(self, bytes: &[u8], at: usize) -> bool {
         let rest = bytes.get(at..).unwrap_or_default();
         self == Self::Text || MARK.starts_with(rest) || rest.starts_with(&MARK)

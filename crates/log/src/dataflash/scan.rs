@@ -1,4 +1,4 @@
-//! Where the messages of a log lie, and what they define.
+//! Offsets of the messages of a log, and their definitions.
 
 use std::{collections::HashMap, ops::Range};
 
@@ -34,7 +34,7 @@ pub(super) struct Piece {
     pub(super) topics: Vec<(usize, Span)>,
 }
 
-/// What hopping over a file finds.
+/// Result of a scan from head to head of a file.
 #[derive(Debug)]
 pub(super) struct Scan {
     pub(super) form: Form,
@@ -209,7 +209,7 @@ impl<'a> Walk<'a> {
         rest.iter().take_while(|&&byte| byte != b'\n').all(u8::is_ascii_whitespace) && rest.contains(&b'\n')
     }
 
-    /// Whether sound messages follow each other from a place on, or one at least reaches the end.
+    /// True if sound messages follow each other from an offset on, or one reaches the end.
     fn believable(&self, mut at: usize) -> bool {
         if self.form == Form::Text {
             return true;
@@ -225,7 +225,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Whether nothing follows but what fills a page.
+/// True if only the padding of a page follows.
 fn padding(bytes: &[u8], at: usize) -> bool {
     let rest = bytes.get(at..).unwrap_or_default();
     let fill = |value: u8| rest.iter().all(|&byte| byte == value);

@@ -28,7 +28,7 @@ pub(crate) struct McapContainer {
     topics: Vec<Topic>,
     /// The topic of each channel id.
     pub(super) topic_of: BTreeMap<u16, usize>,
-    /// What reading has lost, by piece, so that a second reading counts nothing twice.
+    /// Losses of reading, by piece, so that a second reading counts nothing twice.
     lost: Mutex<BTreeMap<usize, Damage>>,
 }
 

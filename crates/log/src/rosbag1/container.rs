@@ -27,7 +27,7 @@ pub(crate) struct BagContainer {
     topics: Vec<Topic>,
     /// The topic of each connection.
     topic_of: BTreeMap<u32, usize>,
-    /// What reading has lost, by piece, so that a second reading counts nothing twice.
+    /// Losses of reading, by piece, so that a second reading counts nothing twice.
     lost: Mutex<BTreeMap<usize, Damage>>,
 }
 

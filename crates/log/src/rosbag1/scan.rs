@@ -93,7 +93,7 @@ pub(super) struct Scan {
     pub(super) notes: Vec<String>,
     /// Counts of the section at the end, by the place of the chunk's record.
     infos: BTreeMap<u64, BTreeMap<u32, u64>>,
-    /// Whether the file says where its section at the end is.
+    /// True if the file gives the offset of its last section.
     closed: bool,
 }
 
@@ -238,7 +238,7 @@ impl Scan {
         }
     }
 
-    /// Whether every connection is defined that the pieces are known to have.
+    /// True if every known connection of the pieces is defined.
     fn explained(&self) -> bool {
         let mut used = self.pieces.iter().map(|piece| piece.counts.as_ref());
         self.closed

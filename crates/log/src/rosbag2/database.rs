@@ -44,7 +44,7 @@ pub(crate) struct DatabaseContainer {
     metadata: BTreeMap<String, String>,
     damage: Damage,
     notes: Vec<String>,
-    /// What reading has lost, by piece, so that a second reading counts nothing twice.
+    /// Losses of reading, by piece, so that a second reading counts nothing twice.
     lost: Mutex<BTreeMap<usize, Damage>>,
 }
 
@@ -67,7 +67,7 @@ struct Piece {
     spans: BTreeMap<usize, Span>,
 }
 
-/// What is on a leaf.
+/// Content of a leaf page.
 #[derive(Debug, Default)]
 struct Leaf {
     bytes: usize,

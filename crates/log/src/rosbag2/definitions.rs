@@ -35,7 +35,7 @@ impl Definitions {
     /// The schema of a type, from these folders and the standard packages.
     ///
     /// # Errors
-    /// What is missing and where it is looked for, in words.
+    /// The missing definition and the searched places, in words.
     pub(super) fn schema(&self, kind: &str) -> Result<SchemaRecord, String> {
         match complete_definition(kind, &|name| self.text(name)) {
             Ok(text) => Ok(SchemaRecord {

@@ -19,7 +19,7 @@ const MAGIC: u32 = 0x377f_0682;
 pub(super) struct WriteAheadLog {
     bytes: Mmap,
     page_size: usize,
-    /// Where the latest committed content of a page is, by its number.
+    /// Offsets of the latest committed content of pages, by page number.
     places: HashMap<u32, usize>,
     /// Pages of the database at the last commit.
     pages: usize,

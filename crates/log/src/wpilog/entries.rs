@@ -22,7 +22,7 @@ struct Found {
     other: Option<String>,
 }
 
-/// What a number stands for, from a place of the file on.
+/// Meaning of an entry's number, from an offset of the file on.
 #[derive(Debug, Clone, Copy)]
 struct Started {
     from: usize,
@@ -61,7 +61,7 @@ impl Entries {
         self.found.get(topic).map_or("", |found| found.name.as_str())
     }
 
-    /// How many topics were found, with or without values.
+    /// Number of topics, with or without values.
     pub(super) fn len(&self) -> usize {
         self.found.len()
     }
@@ -77,7 +77,7 @@ impl Entries {
         self.started(record)?.topic
     }
 
-    /// Whether the parts of a record fit each other.
+    /// Checks that the parts of a record fit each other.
     pub(super) fn believe(&self, record: &Record<'_>) -> Result<(), &'static str> {
         if record.entry == 0 {
             return Control::parse(record.payload).map(drop).ok_or("a record about entries that is none");

@@ -43,7 +43,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// What a record of the entry 0 says.
+/// Content of a record of the entry 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Control<'a> {
     Start { entry: u32, name: &'a str, kind: &'a str, metadata: &'a str },

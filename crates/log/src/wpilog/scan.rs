@@ -1,4 +1,4 @@
-//! Where the records of a file lie: found by hopping from head to head.
+//! Offsets of the records of a file, by a scan from head to head.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -31,7 +31,7 @@ pub(super) struct Piece {
     pub(super) topics: BTreeMap<usize, Span>,
 }
 
-/// What hopping over a file finds.
+/// Result of a scan from head to head of a file.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     /// The text of the file's head.
@@ -138,7 +138,8 @@ fn sound_at<'a>(map: &'a [u8], at: usize, entries: &Entries) -> Result<Record<'a
     }
 }
 
-/// Whether sound records follow each other from a place on, with times near the latest ones. A short record is found in many bytes by chance.
+/// True if sound records follow each other from an offset on, with times near the latest ones. Many bytes look like a
+/// short record by chance.
 fn believable(map: &[u8], mut at: usize, entries: &Entries, latest: &Latest) -> bool {
     for _ in 0..CHAIN {
         let Ok(record) = judge(map, at, entries) else { return false };
@@ -165,7 +166,7 @@ impl Latest {
         self.count += 1;
     }
 
-    /// Whether a value of a time may come next: the median of three outlives a time that is damaged.
+    /// True if a value of this time may come next; the median of three survives one damaged time.
     fn is_near(&self, time: u64) -> bool {
         let mut times = self.times;
         times.sort_unstable();
@@ -174,6 +175,6 @@ impl Latest {
     }
 }
 
-/// How far a value behind damage may lie before and after the latest ones, microseconds.
+/// Largest distance in time of a value behind damage, before and after the latest ones, microseconds.
 const BACK: u64 = 10_000_000;
 const AHEAD: u64 = 3_600_000_000;
