@@ -40,7 +40,7 @@ use serde_json::Value;
 
 use crate::progress::Bar;
 
-/// What all commands share.
+/// Settings and streams that all commands share.
 pub(crate) struct Context {
     pub(crate) json: bool,
     pub(crate) quiet: bool,
@@ -130,7 +130,7 @@ pub(crate) fn write_out(text: &str) {
     }
 }
 
-/// Whether something would be lost by writing: a device or a pipe is only written to.
+/// True if writing replaces a file; a device or a pipe has no content to lose.
 pub(crate) fn is_replaced(output: &Path) -> bool {
     output.exists() && !fleetfoot::output::is_stream(output)
 }
@@ -154,7 +154,7 @@ pub(crate) fn read_model(path: &Path) -> Result<Model, Error> {
     Ok(Model::read(path)?)
 }
 
-/// What the caller says about the clock and the channels of a model's data, as a recipe.
+/// Flags of the clock and of the channels of a model's data, as a recipe.
 pub(crate) fn time_changes(data: &crate::args::ModelData) -> Result<Recipe, Error> {
     changes(&data.time, &data.model)
 }
@@ -186,7 +186,7 @@ pub(crate) struct Files<'a> {
     pub(crate) files: &'a [String],
 }
 
-/// What is told to programs as a tree of values, in which a number that is none is `null`.
+/// JSON tree of a report; numbers that are not finite become `null`.
 fn tree(told: impl Serialize) -> Value {
     serde_json::to_value(told).expect("keys and paths are text, and nothing else can fail in memory")
 }

@@ -6,13 +6,13 @@ const ROWS: usize = 13;
 
 /// Values of two curves at the same times, evenly spread.
 pub(crate) struct Curves<'a> {
-    /// What is shown.
+    /// Title above the curve.
     pub(crate) title: &'a str,
     /// Drawn by points.
     pub(crate) measured: Vec<f64>,
     /// Drawn by circles, over the others.
     pub(crate) simulated: Vec<f64>,
-    /// What stands below.
+    /// Label below the curve.
     pub(crate) below: String,
 }
 

@@ -5,15 +5,15 @@ const SHADES: [char; 9] = ['.', ':', '-', '=', '+', '*', '#', '%', '@'];
 
 /// A heat map: `columns` x `rows` values, and what its axes say.
 pub(crate) struct HeatMap<'a> {
-    /// What the shades stand for.
+    /// Quantity that the shades show.
     pub(crate) title: &'a str,
     /// Values by (column, row), rows counted from below; NaN is left blank.
     pub(crate) value: &'a dyn Fn(usize, usize) -> f64,
     pub(crate) columns: usize,
     pub(crate) rows: usize,
-    /// What stands left of a row.
+    /// Label left of a row.
     pub(crate) row_label: &'a dyn Fn(usize) -> String,
-    /// What stands below, from the left to the right end.
+    /// Label below, from the left to the right end.
     pub(crate) below: &'a str,
 }
 

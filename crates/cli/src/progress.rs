@@ -18,7 +18,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::report::tell;
 
-/// How long a job may take in a pipe before it tells what it is at.
+/// Time before a long job in a pipe prints its first line of progress.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A bar on standard error when that is a terminal; in a pipe, of long jobs alone, a line once in a while.

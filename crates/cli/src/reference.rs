@@ -6,7 +6,7 @@ use clap::{Arg, Command, CommandFactory};
 
 use crate::{args::Cli, help};
 
-/// What stands above the commands.
+/// Text above the commands.
 const HEAD: &str = "\
 # Commands
 

@@ -14,7 +14,7 @@ use crate::{
     table::{number, seconds, table},
 };
 
-/// What is told as 0.
+/// Relative magnitude below which a coefficient is printed as 0.
 const ROUNDING: f64 = 1e-12;
 
 pub(crate) fn lqr(arguments: &ControlLqr, context: &Context) -> Result<(), Error> {

@@ -89,7 +89,7 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// What normalised squares say.
+/// Consistency of a filter's normalised squares with their chi-squared distribution.
 fn squares(name: &str, own: &SquareReport) -> String {
     let verdict = match own {
         own if own.holds() => "consistent",

@@ -1,4 +1,4 @@
-//! What the commands of all methods of fitting share: from arguments to files and words.
+//! Steps that the commands of all fitting methods share: arguments, files, printed text.
 
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ pub(crate) struct Job<'a> {
     /// All files that are read.
     read: Vec<PathBuf>,
     output: &'a FitOutput,
-    /// Whether a recipe whose states are all given is written as it is.
+    /// True if a recipe that names all states is copied unchanged.
     pub(crate) known: bool,
     /// Files that are written beside the models.
     pub(crate) beside: Vec<PathBuf>,
@@ -142,7 +142,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// What a fit says, and the model that was written.
+/// JSON report of a fit, with the name of the written model.
 #[derive(Serialize)]
 struct Told {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -154,14 +154,14 @@ struct Told {
     seed: u64,
 }
 
-/// What was found by the value of a label.
+/// Results by the value of a label.
 #[derive(Serialize)]
 struct ByValue<'a> {
     by: Option<&'a str>,
     models: &'a [Told],
 }
 
-/// What a fit would read, keep and compute.
+/// Text of the plan of a fit: files to read, memory and work.
 fn plan_text(plan: &FitPlan) -> String {
     let some: Vec<&str> = plan.equations.iter().take(SHOWN).map(String::as_str).collect();
     let more = if plan.equations.len() > some.len() { ", ..." } else { "" };
@@ -183,7 +183,7 @@ fn plan_text(plan: &FitPlan) -> String {
     lines.join("\n")
 }
 
-/// What a fit to simulations brought, above a table of candidates.
+/// Result of a fit to simulations, printed above the table of candidates.
 pub(crate) fn refined_over_candidates(refinement: &Refinement) -> String {
     format!("{}\nWhat follows compares models fitted one step ahead.\n\n", refinement.in_words())
 }
@@ -198,7 +198,7 @@ pub(crate) fn refined_held_out(refinement: &Refinement, targets: &[String]) -> S
     table(&["held out, one step, of the model that is written", "RMSE", "R2"], rows)
 }
 
-/// What rollouts said of the candidates.
+/// Table of the candidates' rollout errors.
 pub(crate) fn by_rollouts(choice: &RolloutChoice) -> String {
     let over = choice.candidates.iter().any(|candidate| candidate.over.is_some());
     let mut header = vec!["partition", "terms", "rollouts over persistence", "worst fold", ""];

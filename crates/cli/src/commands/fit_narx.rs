@@ -135,7 +135,7 @@ fn search_text(search: &NarxSearch) -> String {
     format!("{table}\n  {share:.0} % of {:.1e} terms evaluated; {cut}", search.limit as f64)
 }
 
-/// What the model that is written does on the spans of which the others trained it.
+/// Held-out errors of the written model, a number for each held-out span.
 fn held_out_text(held_out: &NarxCandidate, linear: Option<&NarxCandidate>) -> String {
     if let Some(loss) = held_out.loss {
         let spans: Vec<String> = held_out.losses.iter().map(|&loss| ratio(loss)).collect();

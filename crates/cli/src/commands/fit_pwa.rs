@@ -114,7 +114,7 @@ fn to_text(report: &PwaReport) -> String {
         + &bounded(&found.candidates, found.held_out)
 }
 
-/// What it costs that maps meet at their borders.
+/// Largest jump at the borders of maps that meet there, with the count of free numbers.
 fn continuity(score: &Score) -> String {
     score.continuity.map_or_else(String::new, |own| {
         format!(
@@ -127,7 +127,7 @@ fn continuity(score: &Score) -> String {
     })
 }
 
-/// How the regions of a refined partition were found.
+/// Iterations and objective of a refined partition.
 fn refinement(score: &Score) -> String {
     match score.objective.as_slice() {
         [first, .., last] => format!(
@@ -139,7 +139,7 @@ fn refinement(score: &Score) -> String {
     }
 }
 
-/// How the regions' maps are bounded, and what that costs one step ahead.
+/// Bounds of the regions' maps, with the one-step error that they cost.
 fn bounded(candidates: &[Score], held_out: bool) -> String {
     let tables = BoundedCandidate::tables(&BoundedCandidate::of(candidates, held_out));
     tables.iter().map(|own| format!("\n\n{}", text_table(own))).collect()

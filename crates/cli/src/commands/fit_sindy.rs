@@ -179,7 +179,7 @@ fn scores(region: &RegionReport, baselines: &[TargetBaselines], bounded: bool) -
     table(&header, rows.collect())
 }
 
-/// How derivatives by central differences were measured, and what they err by.
+/// Orders and errors of derivatives by central differences.
 fn differences(region: &RegionReport) -> Option<String> {
     let row = |equation: &EquationReport| {
         let errors = equation.difference?;

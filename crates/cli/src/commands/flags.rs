@@ -88,7 +88,7 @@ fn apply_channels(recipe: &mut Recipe, channels: &ChannelArgs) -> Result<(), Err
     Ok(())
 }
 
-/// Where decoded columns of robot logs are kept: where the user says, else beside the model when there is much to decode.
+/// Cache of decoded columns: the user's folder, else one beside the model if the logs are large.
 pub(crate) fn cache(channels: &ChannelArgs, model: &std::path::Path) -> Option<Cache> {
     match &channels.cache {
         _ if channels.no_cache => None,

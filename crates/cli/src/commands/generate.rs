@@ -101,7 +101,7 @@ fn job(arguments: &Generate, world: World) -> Job {
     job
 }
 
-/// What a person should know of what was made.
+/// Notes on the generated logs.
 fn notes(made: &Generated) -> Vec<String> {
     let mut notes = made.notes.clone();
     if !made.excitation.dependent.is_empty() {
@@ -136,7 +136,7 @@ fn faults(made: &Generated) -> Vec<String> {
     made.runs.iter().filter_map(fault).collect()
 }
 
-/// How a run ended, in a word or a few; faults are explained below the table.
+/// End of a run in one to three words; the text below the table explains faults.
 fn ended(end: &End) -> String {
     match end {
         End::Fault { .. } => "fault".to_owned(),

@@ -39,7 +39,7 @@ pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Erro
     Ok(())
 }
 
-/// What was done to a channel in all pieces.
+/// Preparation of one channel over all pieces.
 #[derive(Default)]
 struct Row<'a> {
     pieces: Vec<&'a ChannelReport>,
@@ -50,7 +50,7 @@ impl Row<'_> {
         self.pieces.iter().map(|piece| of(piece).rows).sum()
     }
 
-    /// How the pieces became smooth.
+    /// Smoothing methods of the pieces.
     fn methods(&self) -> Vec<&str> {
         let methods: BTreeSet<&str> = self.pieces.iter().map(|piece| piece.method.as_str()).collect();
         methods.into_iter().collect()
@@ -133,7 +133,7 @@ fn to_text(report: &PrepareReport) -> String {
     )
 }
 
-/// What fusion found of a body's sensors, with what is left unknown.
+/// Calibration that fusion estimated for a body's sensors, with its standard deviations.
 fn body(own: &BodyReport) -> String {
     let list = |values: &[f64]| values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(", ");
     let with = |values: &[f64], deviations: &[f64]| match deviations.iter().any(|deviation| *deviation > 0.0) {
@@ -170,7 +170,7 @@ fn body(own: &BodyReport) -> String {
     )
 }
 
-/// What is told of the noise beside the densities: by how much readings scatter, where they tell it, and how biases walk, each with its deviation.
+/// Noise beside the densities: deviation of single readings and random walk of biases, with their standard deviations.
 fn told_noise(own: &BodyReport) -> String {
     let axes = |which: usize, unit: &str| {
         let (values, deviations) = (own.reading_noise[which], own.reading_noise_deviation[which]);
@@ -214,7 +214,7 @@ fn topics(rows: &BTreeMap<&str, Row<'_>>) -> String {
     topics.iter().map(line).collect()
 }
 
-/// What fusion found of joints, a row a sensor.
+/// Calibration that fusion estimated for joints, one row per sensor.
 fn joints(all: &[JointReport]) -> String {
     if all.is_empty() {
         return String::new();
@@ -253,7 +253,7 @@ fn joints(all: &[JointReport]) -> String {
     format!("{}\n{together}", table(&header, rows.collect()))
 }
 
-/// What stamps said of the clocks, where they were evened out.
+/// Clock estimates of episodes whose stamps were evened out.
 fn clocks(report: &PrepareReport) -> String {
     let lines = report.episodes.iter().filter_map(|episode| episode.clock.as_ref().map(|clock| (episode, clock)));
     lines
@@ -269,7 +269,7 @@ fn clocks(report: &PrepareReport) -> String {
         .collect()
 }
 
-/// What the clock of another computer shows.
+/// Offset and drift of another computer's clock.
 fn aligned(own: &AlignedClock) -> String {
     if own.by == "given" {
         return format!("clock {}: {} ahead, as given\n", own.clock, seconds(own.offset));
@@ -311,7 +311,7 @@ fn burst(of: &str, what: &str, all: usize, longest: &Places, mend: &str) -> Opti
     })
 }
 
-/// What a person should look at of what fusion left out.
+/// Notes on sensor readings that fusion left out.
 fn left_out(report: &PrepareReport) -> String {
     let most =
         |places: &mut dyn Iterator<Item = &Places>| places.max_by_key(|own| own.longest).cloned().unwrap_or_default();
@@ -334,7 +334,7 @@ fn left_out(report: &PrepareReport) -> String {
     of_body.chain(of_joints).flatten().collect()
 }
 
-/// What a person should look at.
+/// Notes on channels that need a look.
 fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
     let pieces = |is: fn(&ChannelReport) -> bool| row.pieces.iter().filter(|piece| is(piece)).count();
     let most =

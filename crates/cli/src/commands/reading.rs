@@ -1,4 +1,4 @@
-//! What a pass over logs would read, for `--dry-run`.
+//! Text of a read plan, for `--dry-run`.
 
 use fleetfoot::ReadPlan;
 

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::{Context, changes, files, in_sample, read_by, read_model};
 use crate::args::Report;
 
-/// What a page says, and its file.
+/// Summary of a report page, and its file.
 #[derive(Serialize)]
 pub(super) struct OnPage {
     #[serde(flatten)]
@@ -85,7 +85,7 @@ fn plane(axes: &[String]) -> Result<[String; 2], Error> {
         .map_err(|axes| Error::value(format!("--plane {}: a plane has two columns", axes.join(","))))
 }
 
-/// What a fit told.
+/// JSON report of a fit.
 fn told(path: &Path) -> Result<Value, Error> {
     let unread = |source| fleetfoot::log::Error::Io { path: path.to_owned(), action: "read", source };
     let text = std::fs::read(path).map_err(unread)?;

@@ -70,7 +70,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
     Ok(())
 }
 
-/// What keeps simulations of several regions within the numbers, where one of a hundred leaves them.
+/// Advice against divergence, if at least one of a hundred rollouts of a model of several regions diverged.
 fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
     let (diverged, all) = (rolled.rollouts.diverged(), rolled.rollouts.outcomes.len());
     let several =
@@ -96,7 +96,7 @@ pub(crate) fn told(steps: usize) -> Vec<usize> {
     told
 }
 
-/// What whole rollouts come to: of the model, and of the baselines.
+/// Errors over whole rollouts, of the model and of the baselines.
 fn summaries(horizon: &Horizon, position: &str) -> String {
     let names = std::iter::once("model").chain(horizon.baselines.iter().map(|(baseline, _)| baseline.name()));
     let scores: Vec<&HorizonScore> =

@@ -26,7 +26,7 @@ pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
     Ok(())
 }
 
-/// What `control lqr` made.
+/// Prints a controller written by `control lqr`.
 fn controller(made: &ControllerFile, arguments: &Show, context: &Context) -> Result<(), Error> {
     if arguments.transitions {
         return Err(Error::missing(format!(

@@ -184,7 +184,7 @@ fn claim(context: &Context, output: &PathBuf, inputs: &[PathBuf], force: bool) -
     Ok(())
 }
 
-/// What an operation did: files joined, names of the episodes taken out, chunks before they were joined.
+/// Result of an operation: joined files, removed episodes, chunks before joining.
 #[derive(Default, Serialize)]
 struct Done<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -206,7 +206,7 @@ struct Told<'a> {
     bytes: u64,
 }
 
-/// What an operation did, and the sizes before and after.
+/// Prints the result of an operation with the sizes before and after.
 fn tell(
     context: &Context,
     file: &StatisticFile,

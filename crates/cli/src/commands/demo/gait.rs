@@ -52,7 +52,7 @@ pub(super) fn to_text(gaits: &[Gait]) -> String {
     )
 }
 
-/// Where the phases gather, and whether stride frequency and slip go as the paper says.
+/// Summary of the gait: tripod phases, stride frequency and slip beside the paper's.
 fn summary(gaits: &[Gait]) -> String {
     let Some(best) = gaits.iter().max_by(|a, b| a.tripod.total_cmp(&b.tripod)) else { return String::new() };
     let slower = gaits.iter().filter(|gait| gait.speed < gait.no_slip_speed).count();

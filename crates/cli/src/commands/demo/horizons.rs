@@ -72,7 +72,7 @@ fn spans(lists: &[(String, &[Estimate])]) -> Vec<Reign> {
     reigns(&lists.iter().map(|(_, list)| *list).collect::<Vec<_>>())
 }
 
-/// What the authors of the paper found.
+/// Result of the paper's authors.
 const PAPER: &str =
     "(the paper, on the real robot: K-50 up to 40 ms, K-10 from 40 to 60 ms, average from 60 to 200 ms, null beyond)";
 

@@ -32,7 +32,7 @@ use crate::{
 const RUNS: u64 = 2;
 const SECONDS: f64 = 20.0;
 const LOGS: [&str; 2] = ["log/stage_00.mcap", "log/stage_01.mcap"];
-/// What a user would write: the measured topics, and that the position follows from the speed.
+/// Recipe that a user would write: the measured topics, and the position as the integral of the speed.
 const RECIPE: &str =
     "# The log's fields under short names, what the model advances in time, and what is given from outside.
 [columns]
@@ -54,7 +54,7 @@ const STARTS: usize = 200;
 /// Candidates that the screen shows beside the chosen one.
 const CANDIDATES: usize = 6;
 
-/// What is told to programs.
+/// JSON report of the demo.
 #[derive(Serialize)]
 struct Told {
     folder: String,
@@ -63,10 +63,10 @@ struct Told {
     code: Code,
 }
 
-/// What a C compiler says of the exported code.
+/// Result of compiling and running the exported code.
 #[derive(Serialize)]
 struct Code {
-    /// Whether the compiled code has the values of the model; none where there is no compiler.
+    /// True if the compiled code gives the model's values; `None` without a C compiler.
     agrees: Option<bool>,
     files: Vec<String>,
 }

@@ -81,7 +81,7 @@ fn pairs(found: &Identification) -> Vec<(usize, usize)> {
     ladder.windows(2).map(|pair| (pair[1], pair[0])).collect()
 }
 
-/// Whether each model is better than the one before it, and where that is beyond doubt.
+/// Order of the models by error, with the pairs that differ significantly.
 fn ordering(found: &Identification) -> String {
     let name = |candidate: usize| found.candidates[candidate].specification.to_string();
     pairs(found)
