@@ -32,7 +32,7 @@ fn problem(message: &[u8], error: &serde_json::Error) -> DecodeError {
     let before: usize = lines.map(|line| line.len() + 1).sum();
     DecodeError::new(
         (before + error.column().saturating_sub(1)).min(message.len()),
-        format!("this is no JSON: {error}"),
+        format!("this is not JSON: {error}"),
     )
 }
 

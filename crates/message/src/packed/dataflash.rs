@@ -49,16 +49,16 @@ pub fn dataflash_letter(letter: u8) -> Option<(usize, Option<f64>)> {
 pub(crate) fn codec(name: &str, text: &[u8]) -> Result<Box<dyn Codec>, SchemaError> {
     let malformed =
         |problem: String| SchemaError::Malformed { encoding: "dataflash".to_owned(), name: name.to_owned(), problem };
-    let text = std::str::from_utf8(text).map_err(|_| malformed("it is no text".to_owned()))?;
+    let text = std::str::from_utf8(text).map_err(|_| malformed("it is not text".to_owned()))?;
     let mut layout = Layout::default();
     for line in text.lines() {
         let mut words = line.split('\t');
         let field = words.next().unwrap_or_default();
         let letter = words.next().unwrap_or_default().as_bytes().first().copied().unwrap_or_default();
         let (mut shape, _) = shape(letter)
-            .ok_or_else(|| malformed(format!("the type `{}` of `{field}` is not known", char::from(letter))))?;
+            .ok_or_else(|| malformed(format!("the type `{}` of `{field}` is unknown", char::from(letter))))?;
         let factor = words.next().filter(|factor| !factor.is_empty());
-        let factor = factor.map(|factor| factor.parse::<f64>().map_err(|_| malformed(format!("`{line}` is no field"))));
+        let factor = factor.map(|factor| factor.parse::<f64>().map_err(|_| malformed(format!("`{line}` is not a field"))));
         if let (Shape::Number(number), Some(factor)) = (&mut shape, factor.transpose()?) {
             number.scale = Some(factor);
         }

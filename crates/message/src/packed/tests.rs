@@ -35,7 +35,7 @@ fn letters_of_dataflash_with_their_factors_and_units() {
     assert!(codec.value(&message[..message.len() - 1]).is_err());
     let error = |path: &str| codec.compile(&[path.parse().unwrap()]).err().unwrap().to_string();
     assert!(error("Tmp").contains("nearest is `Temp`") && error("A").contains("an array"), "{}", error("A"));
-    assert!(error("A[32]").contains("no field"));
+    assert!(error("A[32]").contains("not a field"));
     let unknown = crate::codec("dataflash", Some(("X", "dataflash", b"a\t?\t\t\n"))).err().unwrap().to_string();
     assert!(unknown.contains("the type `?` of `a`"), "{unknown}");
 }
@@ -88,7 +88,7 @@ fn schemas_of_wpilog_that_lie_are_refused() {
     assert!(problem("struct:A", "A\tB b").contains("schema of `struct:B` is not in the file"));
     assert!(problem("struct:A", "A\t").contains("no fields"));
     assert!(problem("struct:A", "A\tint8 a:9").contains("9 bits"));
-    assert!(problem("struct:A", "A\tdouble x[0]").contains("no field"));
+    assert!(problem("struct:A", "A\tdouble x[0]").contains("not a field"));
     assert!(problem("msgpack", "").contains("not read"));
     // Sizes beyond every message, and structs that double thirty times.
     let codec = made("wpilog", "struct:A", "A\tdouble x[4000000000]\n");

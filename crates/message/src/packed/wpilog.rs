@@ -197,7 +197,7 @@ struct Declaration<'a> {
 
 /// Reads `[enum] [{name=1, ...}] type name`, `type name[count]` or `type name:bits`; `None` of an empty declaration.
 fn declaration(text: &str) -> Result<Option<Declaration<'_>>, String> {
-    let none = || format!("`{}` is no field", text.trim());
+    let none = || format!("`{}` is not a field", text.trim());
     let mut rest = text.trim();
     if rest.is_empty() {
         return Ok(None);

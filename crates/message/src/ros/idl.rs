@@ -151,7 +151,7 @@ impl<'a> Parser<'a> {
             "const" => self.constant(),
             "union" => self.refused("a union, which cannot be read"),
             "bitmask" | "bitset" => self.refused("a set of bits, which cannot be read"),
-            other => self.error(format_args!("`{other}` is no declaration that can be read")),
+            other => self.error(format_args!("`{other}` is not a declaration that can be read")),
         }
     }
 
@@ -451,7 +451,7 @@ impl Resolver {
             Size::Number(number) => *number,
             Size::Named(name) => match self.look_up(name).and_then(|full| self.found.get(&full)) {
                 Some(Declared::Number(number)) => *number,
-                _ => return Err(format!("the size `{}` is no constant of the text", shown(name))),
+                _ => return Err(format!("the size `{}` is not a constant of the text", shown(name))),
             },
         };
         usize::try_from(number).map_err(|_| format!("the size {number} is too large"))

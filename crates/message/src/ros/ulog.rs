@@ -52,7 +52,7 @@ pub fn ulog_layout(name: &str, definitions: &str) -> Result<UlogLayout, SchemaEr
     let most = if rest == Some(&REST) { usize::MAX } else { bytes.saturating_add(padding) };
     match timestamp {
         Some((timestamp, Type::Scalar(Scalar::U64))) => Ok(UlogLayout { timestamp, bytes: bytes..=most }),
-        Some(_) => Err(malformed("its `timestamp` is no uint64_t".to_owned())),
+        Some(_) => Err(malformed("its `timestamp` is not a uint64_t".to_owned())),
         None => Err(malformed("it has no `timestamp`".to_owned())),
     }
 }
@@ -114,7 +114,7 @@ fn definitions_of(name: &str, text: &str) -> Result<(Vec<Definition>, usize), St
 
 /// A field from `type name` or `type[count] name`.
 fn member(field: &str, places: &HashMap<&str, usize>) -> Result<Member, String> {
-    let none = || format!("`{field}` is no field");
+    let none = || format!("`{field}` is not a field");
     let (kind, name) = field.split_once(' ').ok_or_else(none)?;
     let (element, count) = match kind.split_once('[') {
         Some((element, count)) => (element, Some(count.strip_suffix(']').ok_or_else(none)?)),
@@ -229,8 +229,8 @@ mod tests {
         let problem = |text: &str| ulog_layout("a", text).unwrap_err().to_string();
         assert!(problem("b:uint64_t timestamp;").contains("definition of `a` is missing"));
         assert!(problem("a:float x;").contains("no `timestamp`"));
-        assert!(problem("a:uint32_t timestamp;").contains("no uint64_t"));
-        assert!(problem("a:uint64_t timestamp;float[x] y;").contains("`float[x] y` is no field"));
+        assert!(problem("a:uint32_t timestamp;").contains("not a uint64_t"));
+        assert!(problem("a:uint64_t timestamp;float[x] y;").contains("`float[x] y` is not a field"));
         assert!(problem("a:uint64_t timestamp;b b;").contains("definition of `b` is missing"));
         assert!(problem("a:uint64_t timestamp;a a;").contains("contains itself"));
         assert!(problem("a:char[] x;uint64_t timestamp;").contains("before the end"));

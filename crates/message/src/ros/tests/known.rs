@@ -201,7 +201,7 @@ fn idl_that_cannot_be_read_says_why() {
         ("struct A { B b; };", "`B` is missing"),
         ("struct A { sequence<A> a; };", "contains itself"),
         ("typedef T U; typedef U T; struct A { T t; };", "deep"),
-        ("struct A { long x[N]; };", "`N` is no constant"),
+        ("struct A { long x[N]; };", "`N` is not a constant"),
         ("struct A { long x }", "`;` is missing"),
         ("struct B { long x; };", "there is no struct p::msg::A"),
         ("struct A : A { long x; };", "inherits from itself"),
