@@ -83,7 +83,7 @@ fn files_of_a_run_fit_as_one_file_that_was_joined_by_hand() {
         fleetfoot(folder, &[&words[..], data].concat()).ok()
     };
     let said = fit("files.toml", &["runs"], "files.json");
-    assert!(said.err.contains("the rows are those of odom"), "{}", said.err);
+    assert!(said.err.contains("one row per row of odom"), "{}", said.err);
     fit("one.toml", &["joined_0.csv", "joined_1.csv"], "one.json");
     let score = |model: &str, data: &[&str]| fleetfoot(folder, &[&["score", model, "--json"], data].concat()).ok();
     let files = score("files.json", &["runs"]).json();

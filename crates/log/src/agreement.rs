@@ -90,7 +90,7 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
                 first_is: format!("a clock in {}", symbols(&before)),
                 second: path.clone(),
                 second_is: format!(
-                    "one in {} (as far as the numbers tell; {TIME_UNIT} names one unit for all files; if they differ, open them apart)",
+                    "one in {} (judged by the numbers; {TIME_UNIT} names one unit for all files; if they differ, open them apart)",
                     symbols(&own)
                 ),
             });

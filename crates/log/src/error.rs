@@ -92,7 +92,7 @@ pub enum Error {
         nearest: Option<String>,
     },
     /// A name that two columns of the file share.
-    #[error("{} has {count} columns named `{column}`: rename them, the name does not say which is meant", path.display())]
+    #[error("{} has {count} columns named `{column}`: rename them, because the name is ambiguous", path.display())]
     AmbiguousColumn {
         /// The file.
         path: PathBuf,
@@ -271,7 +271,7 @@ pub enum Error {
         nearest: Option<String>,
     },
     /// A robot's log opened without a column or a base channel.
-    #[error("{}: no column and no base channel is named, so that there are no rows; name one of its fields ({INFO_VALUES} lists them)", path.display())]
+    #[error("{}: without a named column or base channel there are no rows; name one of its fields ({INFO_VALUES} lists them)", path.display())]
     NothingAsked {
         /// The file.
         path: PathBuf,
@@ -334,7 +334,7 @@ pub enum Error {
     },
     /// Two channels without a moment in common.
     #[error(
-        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for what is said once and holds from then on, max_gap = \"none\" in {JOIN}",
+        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for values that hold until the next message, max_gap = \"none\" in {JOIN}",
         path.display(), describe_range(ranges[0]), describe_range(ranges[1])
     )]
     NoOverlap {
@@ -372,7 +372,7 @@ pub enum Error {
     },
     /// A rate asked of rows without a clock.
     #[error(
-        "{}: rows at a rate ({RATE}; {TIME_SECTION} rate in a recipe) are made by a clock, and its rows have none: name the time column ({TIME}), or leave the rate out",
+        "{}: rows at a rate ({RATE}; {TIME_SECTION} rate in a recipe) need a clock, and this file has none: name the time column ({TIME}), or leave the rate out",
         path.display()
     )]
     RateWithoutClock {
@@ -416,7 +416,7 @@ pub enum Error {
         topics: [String; 2],
     },
     /// A robot's log as a topic of a run.
-    #[error("{} matches `{topic}` in {FILES}, which joins tables (CSV, Parquet); a robot's log has topics: leave {FILES} away for it", path.display())]
+    #[error("{} matches `{topic}` in {FILES}, which joins tables (CSV, Parquet); a robot's log has topics: leave {FILES} out for it", path.display())]
     TopicIsLog {
         /// The file.
         path: PathBuf,
@@ -425,7 +425,7 @@ pub enum Error {
     },
     /// A file outside of all runs.
     #[error(
-        "{} belongs to no run: no file beside it matches a pattern of {FILES}. Name the folders of runs, mend the patterns, or leave {FILES} away for single files",
+        "{} belongs to no run: no file beside it matches a pattern of {FILES}. Name the folders of runs, mend the patterns, or leave {FILES} out for single files",
         path.display()
     )]
     FileOfNoRun {
@@ -433,7 +433,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A name that is of no topic of a run.
-    #[error("{}: `{name}` is of no file in {FILES}; write TOPIC.COLUMN, or TOPIC as the base; the topics are {topics}", path.display())]
+    #[error("{}: no file in {FILES} has `{name}`; write TOPIC.COLUMN, or TOPIC as the base; the topics are {topics}", path.display())]
     NoTopicOfRun {
         /// The run's folder.
         path: PathBuf,

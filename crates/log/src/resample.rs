@@ -34,7 +34,7 @@ pub(crate) fn at_rate(
     join(&series, &joins, Base::Rate(hz), progress, |stamps, columns| rows.push_columns(stamps, columns))?;
     let columns = table.columns().iter().zip(&joins).map(|(own, join)| joined_column(own, join)).collect();
     let mut notes = opened.notes;
-    notes.push(format!("its rows are made anew at {hz} a second, as a rate is asked for"));
+    notes.push(format!("its rows are resampled to {hz} a second, the requested rate"));
     notes.extend(own.counts.left_out("rows"));
     let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns, has_time: true });
     Ok(Opened { table, notes, cycle: Cycle::Never, sessions: Vec::new(), ..opened })

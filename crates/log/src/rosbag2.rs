@@ -88,7 +88,7 @@ impl Information {
                     Place::Wanted("storage_identifier") => own.storage_identifier = value.into_owned(),
                     Place::Wanted("compression_mode") => own.compression_mode = value.into_owned(),
                     Place::Item("relative_file_paths") => own.relative_file_paths.push(value.into_owned()),
-                    Place::Wanted(key) | Place::Item(key) => return unexpected(&format!("`{key}` is something else")),
+                    Place::Wanted(key) | Place::Item(key) => return unexpected(&format!("`{key}` has an unexpected type")),
                     Place::Elsewhere => {}
                 },
                 Event::MappingStart(..) | Event::SequenceStart(..) => {
@@ -97,10 +97,10 @@ impl Information {
                         _ => Open::Sequence,
                     };
                     match (place(&open), &next) {
-                        (Place::Key, _) => return unexpected("a key that is no text"),
+                        (Place::Key, _) => return unexpected("a key that is not text"),
                         (Place::Wanted("relative_file_paths"), Open::Sequence) | (Place::Elsewhere, _) => {}
                         (Place::Wanted(key) | Place::Item(key), _) => {
-                            return unexpected(&format!("`{key}` is something else"));
+                            return unexpected(&format!("`{key}` has an unexpected type"));
                         }
                     }
                     open.push(next);
@@ -115,7 +115,7 @@ impl Information {
                 *key = None;
             }
         }
-        if found { Ok(own) } else { Err("`rosbag2_bagfile_information` is no key of it".into()) }
+        if found { Ok(own) } else { Err("the key `rosbag2_bagfile_information` is missing".into()) }
     }
 }
 
@@ -135,24 +135,24 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Storage)>, Error> {
     let mut text = String::new();
     File::open(&path).map_err(io)?.take(MAX_METADATA).read_to_string(&mut text).map_err(io)?;
     let information = Information::parse(&text).map_err(|problem| {
-        let mend = "mend it, remove it (the files are then read one by one), or make it anew with `ros2 bag reindex`";
+        let mend = "mend it, remove it (the files are then read one by one), or write it again with `ros2 bag reindex`";
         damaged("the text", problem, mend)
     })?;
     let storage = information.storage_identifier.as_str();
     if !matches!(storage, "mcap" | "sqlite3" | "") {
-        let problem = format!("a rosbag2 recording stored as {storage}, which is not read");
+        let problem = format!("a rosbag2 recording stored as {storage}, which fleetfoot cannot read");
         return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT });
     }
     // Messages in a database show by their first bytes that each is packed alone.
     if storage != "sqlite3" && information.compression_mode.eq_ignore_ascii_case("message") {
-        let problem = "each of its messages is compressed by itself, which is not read".into();
+        let problem = "its messages are compressed one by one, which fleetfoot cannot read".into();
         return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT });
     }
     if information.relative_file_paths.is_empty() {
         return Err(damaged(
             "relative_file_paths",
             "it names no file".into(),
-            "make it anew with `ros2 bag reindex`, or remove it",
+            "write it again with `ros2 bag reindex`, or remove it",
         ));
     }
     let mut files = Vec::new();

@@ -215,7 +215,7 @@ pub(crate) fn open(
     if let join::Base::Series(at) = base
         && series.len() > 1
     {
-        notes.push(format!("the rows are those of {}; other files are joined to them", series[at].name));
+        notes.push(format!("one row per row of {}; other files are joined to these rows", series[at].name));
     }
     let joined: Vec<TableColumn> =
         joins.iter().map(|(at, join)| resample::joined_column(&columns[*at][join.column], join)).collect();

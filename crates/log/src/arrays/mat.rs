@@ -48,7 +48,7 @@ const LOGICAL: u8 = 2;
 pub(super) fn refused(path: &Path) -> Error {
     Error::WrongFormat {
         path: path.into(),
-        problem: "a .mat of version 7.3 is an HDF5 file, which is not read".into(),
+        problem: "a .mat of version 7.3 is an HDF5 file, which fleetfoot cannot read".into(),
         mend: "save it in MATLAB with '-v7'; or open its arrays in Python: `file = h5py.File(\"run.mat\")`, then \
                `ff.open({\"t\": file[\"t\"][0], \"x\": file[\"x\"][0]})`",
     }
@@ -131,8 +131,8 @@ impl Found {
             cut.map(|at| format!("damaged: the file is cut or damaged at byte {at}; what stands before is used")),
         );
         notes.extend(left_out(&damaged, "they are damaged"));
-        notes.extend(left_out(&others, "they are no arrays of numbers"));
-        notes.extend(left_out(&other_lengths, &format!("they have not {rows} rows")));
+        notes.extend(left_out(&others, "they are not arrays of numbers"));
+        notes.extend(left_out(&other_lengths, &format!("they do not have {rows} rows")));
         ArrayTable::new(path, rows, &columns, notes)
     }
 

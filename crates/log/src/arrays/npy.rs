@@ -72,7 +72,7 @@ pub(super) fn array(name: String, map: Arc<Map>, place: std::ops::Range<usize>) 
     let (length, begin) = match major {
         1 => (bytes.get(8..10).map(|own| own.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte))), 10),
         2 | 3 => (bytes.get(8..12).map(|own| own.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte))), 12),
-        _ => return Err(format!("the version {major} of its head is not known")),
+        _ => return Err(format!("the version {major} of its head is unknown")),
     };
     let head = length.and_then(|length: usize| bytes.get(begin..begin + length)).ok_or_else(short)?;
     let text: String = match std::str::from_utf8(head) {

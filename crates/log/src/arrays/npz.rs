@@ -85,8 +85,8 @@ pub(super) fn table(path: &Path, map: Arc<Map>) -> Result<ArrayTable, Error> {
         arrays.into_iter().partition(|array| array.shape.first() == Some(&rows));
     let others: Vec<String> = others.iter().map(|own| format!("{} ({})", own.name, own.dimensions())).collect();
     notes.extend(left_out(&damaged, "they are damaged"));
-    notes.extend(left_out(&strange, "they are no arrays of numbers"));
-    notes.extend(left_out(&others, &format!("they have not {rows} rows")));
+    notes.extend(left_out(&strange, "they are not arrays of numbers"));
+    notes.extend(left_out(&others, &format!("they do not have {rows} rows")));
     let columns: Vec<(Array, usize)> = columns.into_iter().map(|array| (array, 0)).collect();
     ArrayTable::new(path, rows, &columns, notes)
 }

@@ -78,7 +78,7 @@ fn clocks_kinds_and_what_is_left_out() {
     note(&info, &["not 40 rows", "gain (one value)", "short (5)"]);
     let info = inspect(fixture("packed.mat")).unwrap();
     note(&info, &["not 40 rows", "mass (1 x 1)", "inertia (3 x 3)", "log.dt (1 x 1)"]);
-    note(&info, &["no arrays of numbers", "cells (a cell array)", "log.title (a text)"]);
+    note(&info, &["not arrays of numbers", "cells (a cell array)", "log.title (a text)"]);
     let kind = |name: &str| info.columns.iter().find(|column| column.name == name).unwrap().kind.clone();
     assert_eq!(["t", "on", "counts"].map(kind), [ColumnKind::Float, ColumnKind::Boolean, ColumnKind::Integer]);
     let recording = open(&[fixture("packed.mat")], &Selection::new(["log.imu.gyro[2]"])).unwrap();

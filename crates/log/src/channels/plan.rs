@@ -198,7 +198,7 @@ impl Builder<'_> {
             && topics.len() > 1
             && let Some(topic) = topics.iter().rev().find(|topic| topic.first_series <= series)
         {
-            notes.push(format!("the rows are the messages of {}; other channels are joined to them", topic.name));
+            notes.push(format!("one row per message of {}; other channels are joined to these rows", topic.name));
         }
         Ok(Plan { topics, stamp, clock: unit, columns, base, notes })
     }
@@ -302,7 +302,7 @@ impl Builder<'_> {
             let found = like(&seen[used], &field).filter(|info| info.kind != FieldKind::Text).is_some();
             if !found && !latched[used] {
                 let problem = format!(
-                    "its messages have no number `{field}`, which is the clock: choose a field that all channels in use have, or leave this channel out"
+                    "its messages lack the number `{field}` that is the clock: choose a field that all channels in use have, or leave this channel out"
                 );
                 return Err(refuse(self, used, problem));
             }
@@ -312,11 +312,11 @@ impl Builder<'_> {
             || (0..self.used.len()).find_map(|used| clock::unit_of(slots[used].map(|_| &self.samples[used])?, &field));
         let Some(taken) = unit.or_else(told) else {
             let problem = format!(
-                "`{field}` does not go on as the log's clock does: give its unit ({TIME_UNIT}), or another clock"
+                "`{field}` does not advance like the log's clock: give its unit ({TIME_UNIT}), or another clock"
             );
             return Err(refuse(self, 0, problem));
         };
-        let how = if unit.is_some() { "" } else { ", as it goes on with the log's clock" };
+        let how = if unit.is_some() { "" } else { ", as it advances with the log's clock" };
         notes.push(format!("stamps are the field `{field}` of every channel, in {}{how}", taken.symbol()));
         Ok(Some(FieldClock { slots, unit: taken }))
     }

@@ -111,7 +111,7 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
     let read = |source| Error::Io { path: path.into(), action: "read", source };
     let keep = |source| Error::Io {
         path: path.into(),
-        action: "keep it unpacked in a temporary file (TMPDIR says where)",
+        action: "keep it unpacked in a temporary file (TMPDIR sets the folder)",
         source,
     };
     let input = BufReader::with_capacity(1 << 16, file);
@@ -135,7 +135,7 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
         total += count as u64;
         if total > limit {
             let problem = format!("it unpacks to more than {limit} bytes");
-            let mend = "this is no log; unpack it by hand if it really is one";
+            let mend = "this does not look like a log; if it is one, unpack it by hand";
             return Err(Error::WrongFormat { path: path.into(), problem, mend });
         }
         unpacked.write_all(buffer.get(..count).unwrap_or_default()).map_err(keep)?;
@@ -171,16 +171,16 @@ fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
     let (what, mend) = match found {
         Some((_, what, mend)) => (format!("it is {what}"), *mend),
         None if kind.magic.starts_with(start) => ("only the first bytes are there".to_owned(), "copy it again"),
-        None if text => ("it is text".to_owned(), "give it the extension of what it is (.csv, .tsv)"),
+        None if text => ("it is text".to_owned(), "give it the extension of its format (.csv, .tsv)"),
         None if start.iter().all(|&byte| byte == 0) => {
             ("it begins with zeros, as after a loss of power or a broken copy".to_owned(), "copy it again")
         }
         None => {
-            let what = format!("its first bytes are not {}'s", kind.name);
-            (what, "give it the extension of what it is, or copy it again")
+            let what = format!("its first bytes are not those of {}", kind.name);
+            (what, "give it the extension of its format, or copy it again")
         }
     };
-    Error::WrongFormat { path: path.into(), problem: format!("this is no {} file: {what}", kind.name), mend }
+    Error::WrongFormat { path: path.into(), problem: format!("this is not a {} file: {what}", kind.name), mend }
 }
 
 #[cfg(test)]

@@ -121,7 +121,7 @@ pub(crate) fn summary(container: &dyn Container, progress: &dyn Progress) -> Res
     progress.stage("reading indexes");
     info.topics = if known > MAX_STAMPS {
         info.notes.push(format!(
-            "{known} messages: rates and gaps are told from the first and the last message of each topic in a chunk"
+            "{known} messages: rates and gaps are estimated from the first and the last message of each topic in a chunk"
         ));
         spans(container, progress)?
     } else {

@@ -252,7 +252,7 @@ fn check_text(path: &Path, bytes: &[u8]) -> Result<(), Error> {
         [0x28, 0xb5, 0x2f, 0xfd, ..] => wrong("this is Zstandard inside", "rename it to end in .zst, or decompress it"),
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => wrong("the text is UTF-16", "save it as UTF-8"),
         _ if bytes.contains(&0) => {
-            wrong("it holds zero bytes, so it is no text", "give it the extension of what it is")
+            wrong("it holds zero bytes, so it is no text", "give it the extension of its format")
         }
         _ => Ok(()),
     }

@@ -67,7 +67,7 @@ impl Format {
         let sizes: Option<usize> = letters.iter().map(|&letter| Some(dataflash_letter(letter)?.0)).sum();
         let unknown = original.iter().find(|&&letter| dataflash_letter(letter).is_none());
         let problem = match (unknown, sizes) {
-            (Some(letter), _) => Some(format!("the type `{}` among its fields is not known", char::from(*letter))),
+            (Some(letter), _) => Some(format!("the type `{}` among its fields is unknown", char::from(*letter))),
             (None, Some(size)) if form == Form::Binary && size != length => {
                 Some(format!("its format says {length} bytes, and its fields have {size}"))
             }

@@ -54,7 +54,7 @@ fn binary<'a>(bytes: &'a [u8], at: usize, formats: &Formats) -> Result<Record<'a
     if [first, second] != MARK {
         return Err("no message begins here");
     }
-    let format = formats.get(kind).ok_or("a message of a type that nothing defines")?;
+    let format = formats.get(kind).ok_or("a message of an undefined type")?;
     let payload = fields.get(..format.length).ok_or(CUT)?;
     Ok(Record { kind, payload: Cow::Borrowed(payload), end: at + HEAD + format.length })
 }
@@ -63,10 +63,10 @@ fn line<'a>(bytes: &'a [u8], at: usize, formats: &Formats) -> Result<Record<'a>,
     let rest = bytes.get(at..).unwrap_or_default();
     // A number of the last line may be cut, and would be another one.
     let length = memchr::memchr(b'\n', rest).ok_or(CUT)?;
-    let text = std::str::from_utf8(rest.get(..length).unwrap_or_default()).map_err(|_| "a line that is no text")?;
+    let text = std::str::from_utf8(rest.get(..length).unwrap_or_default()).map_err(|_| "a line that is not text")?;
     let text = text.trim();
     let (name, values) = text.split_once(',').unwrap_or((text, ""));
-    let (kind, format) = formats.by_name(name.trim()).ok_or("a message of a type that nothing defines")?;
+    let (kind, format) = formats.by_name(name.trim()).ok_or("a message of an undefined type")?;
     let payload = packed(format, values).ok_or("a line whose values do not fit its format")?;
     Ok(Record { kind, payload: Cow::Owned(payload), end: at + length + 1 })
 }

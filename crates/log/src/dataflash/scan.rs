@@ -182,7 +182,7 @@ impl<'a> Walk<'a> {
         let record = self.form.record(map, at, &self.definitions.formats)?;
         match self.form.may_begin(map, record.end) || padding(map, record.end) {
             true => Ok(record),
-            false => Err("a message that no other follows"),
+            false => Err("a message without a valid message after it"),
         }
     }
 
@@ -279,7 +279,7 @@ impl Scan {
                 self.pieces.push(Piece { bytes, before, topics });
             }
         }
-        for (count, what) in [(late, "messages with times beyond all"), (beyond, "messages of too many instances")] {
+        for (count, what) in [(late, "messages with times far after the others"), (beyond, "messages of too many instances")] {
             if count > 0 {
                 let lost = Lost { messages: Some(count), ..Lost::default() };
                 self.damage.add(0, &format!("{count} {what} in the file"), lost);

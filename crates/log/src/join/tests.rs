@@ -379,7 +379,7 @@ fn clocks_apart_are_told_with_their_ranges() {
         text,
         "run.mcap: the stamps of /odom, 0.5 to 49.5 s, and of /imu, 1700000000 to 1700000049.5 s \
          (2023-11-14 22:13:20 to 2023-11-14 22:14:09 UTC), do not overlap: take the same clock for all \
-         (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for what is said once and holds from then on, max_gap = \"none\" in [join]"
+         (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for values that hold until the next message, max_gap = \"none\" in [join]"
     );
     assert!(matches!(joined(&series, &columns, Base::Rate(10.0)), Err(Error::NoOverlap { .. })));
 }

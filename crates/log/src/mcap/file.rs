@@ -45,7 +45,7 @@ impl McapFile {
         refuse_unknown_compression(path, &map, &layout.pieces)?;
         let mut notes = Vec::new();
         let summary = summary::read(&map, layout.data_end).unwrap_or_else(|why| {
-            notes.push(format!("the summary at its end is not believed: {why}"));
+            notes.push(format!("the summary at its end is ignored: {why}"));
             None
         });
         mark_cut(&map, &mut layout, summary.is_some(), &mut notes);
@@ -67,7 +67,7 @@ impl McapFile {
         let undefined = counts.iter().flatten().filter(|(channel, _)| !definitions.channels.contains_key(channel));
         let lost = undefined.fold(0_u64, |sum, (_, count)| sum.saturating_add(*count));
         if lost > 0 {
-            notes.push(format!("{lost} messages are of channels that nothing defines: they are left out"));
+            notes.push(format!("{lost} messages of undefined channels are left out"));
         }
         let Layout { pieces, metadata, damage, .. } = layout;
         // The system maps more around each record that was looked at than was asked for.
@@ -128,7 +128,7 @@ fn reconcile(
         let fits = if sound { chunks == statistics.chunks } else { chunks <= statistics.chunks };
         if !fits {
             notes.push(format!(
-                "its summary tells of {} chunks but {chunks} were found: the summary's counts are not believed",
+                "its summary lists {} chunks but the file has {chunks}: the counts of the summary are ignored",
                 statistics.chunks
             ));
         }

@@ -86,8 +86,8 @@ pub(super) fn sound_record_at(bytes: &[u8], at: usize) -> Result<Record<'_>, &'s
     let mut fields = Fields(record.body);
     let fields = &mut fields;
     let (fits, otherwise) = match record.opcode {
-        op::HEADER => (texts(fields, 2), "a header that is not one"),
-        op::FOOTER => (fields.take(20), "a footer that is not one"),
+        op::HEADER => (texts(fields, 2), "a malformed header"),
+        op::FOOTER => (fields.take(20), "a malformed footer"),
         op::SCHEMA => (fields.u16().and_then(|_| texts(fields, 3)), "a schema whose lengths do not fit"),
         op::CHANNEL => (fields.u32().and_then(|_| texts(fields, 3)), "a channel whose lengths do not fit"),
         op::MESSAGE => (fields.take(22), "a message without its head"),
@@ -97,7 +97,7 @@ pub(super) fn sound_record_at(bytes: &[u8], at: usize) -> Result<Record<'_>, &'s
         }
         op::ATTACHMENT => (attachment(fields), "an attachment whose lengths do not fit"),
         op::METADATA => (texts(fields, 2), "metadata whose lengths do not fit"),
-        op::DATA_END => (fields.take(4).filter(|_| fields.0.is_empty()), "an end mark that is not one"),
+        op::DATA_END => (fields.take(4).filter(|_| fields.0.is_empty()), "a malformed end mark"),
         op::CHUNK_INDEX..=op::SUMMARY_OFFSET => return Ok(record),
         // Records to come, or of somebody's own, are to be skipped; so would be a chunk with a damaged opcode.
         _ if Chunk::parse(record.body).is_some_and(|chunk| chunk.fills_its_record) => {

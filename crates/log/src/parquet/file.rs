@@ -105,7 +105,7 @@ pub(super) fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error>
     for (number, group) in file.metadata.row_groups().iter().enumerate() {
         let place = || format!("column `{}`, row group {number}", leaf.name);
         let Some(chunk) = group.columns().get(leaf.index) else {
-            return Err(damaged(&file.path, place(), "it is not there"));
+            return Err(damaged(&file.path, place(), "it is missing"));
         };
         if chunk.num_values() != group.num_rows() {
             let problem = format!("{} values in a group of {} rows", chunk.num_values(), group.num_rows());

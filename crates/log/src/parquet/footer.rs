@@ -29,7 +29,7 @@ pub(super) fn read(path: &Path, file: &File, length: u64) -> Result<Vec<u8>, Err
         _ => {
             return Err(wrong(
                 "it does not begin as a Parquet file does",
-                "give it the extension of what it is, or write it again",
+                "give it the extension of its format, or write it again",
             ));
         }
     }
@@ -90,7 +90,7 @@ impl Walk<'_> {
         self.bytes = usize::try_from(count)
             .ok()
             .and_then(|count| self.bytes.get(count..))
-            .ok_or("a text in it is longer than it")?;
+            .ok_or("a text is longer than the footer")?;
         Ok(())
     }
 
@@ -103,7 +103,7 @@ impl Walk<'_> {
                 return Ok(value);
             }
         }
-        Err("a number in it is too long")
+        Err("a number is too long")
     }
 
     fn signed(&mut self) -> Result<i64, &'static str> {
@@ -129,7 +129,7 @@ impl Walk<'_> {
         let head = self.byte()?;
         let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
         if count > self.bytes.len() as u64 {
-            return Err("a list in it is longer than it");
+            return Err("a list is longer than the footer");
         }
         Ok((head & 15, count))
     }
@@ -170,7 +170,7 @@ impl Walk<'_> {
     fn schema(&mut self) -> Result<(), &'static str> {
         let (element, count) = self.list()?;
         if element != 12 {
-            return Err("its schema is no list of structures");
+            return Err("its schema is not a list of structures");
         }
         let mut open: Vec<u64> = Vec::new();
         for left in (0..count).rev() {
@@ -182,7 +182,7 @@ impl Walk<'_> {
                     self.skip(kind, 0)?;
                 }
             }
-            let children = u64::try_from(children).map_err(|_| "its schema counts below zero")?;
+            let children = u64::try_from(children).map_err(|_| "its schema has a negative count")?;
             if children > left {
                 return Err("its schema claims more columns than it lists");
             }
@@ -211,7 +211,7 @@ mod tests {
     fn lists_longer_than_the_footer_are_refused() {
         // version = 1; then field 4 (row groups) as a list of 2^31 - 1 structures.
         let bomb = [0x15, 0x02, 0x39, 0xfc, 0xff, 0xff, 0xff, 0xff, 0x07, 0x00];
-        assert_eq!(check(&bomb), Err("a list in it is longer than it"));
+        assert_eq!(check(&bomb), Err("a list is longer than the footer"));
     }
 
     #[test]

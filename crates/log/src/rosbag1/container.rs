@@ -41,8 +41,8 @@ impl BagContainer {
         if !map.starts_with(FIRST_LINE) {
             let line = map.get(..map.len().min(32)).unwrap_or_default().split(|&byte| byte == b'\n').next();
             let problem =
-                format!("a bag of a version that is not read: {}", String::from_utf8_lossy(line.unwrap_or_default()));
-            let mend = "bring it to version 2.0 with `rosbag fix in.bag out.bag`";
+                format!("a bag of an unsupported version: {}", String::from_utf8_lossy(line.unwrap_or_default()));
+            let mend = "convert it to version 2.0 with `rosbag fix in.bag out.bag`";
             return Err(Error::WrongFormat { path: path.into(), problem, mend });
         }
         let scan = scan(&map, progress)?;
@@ -167,7 +167,7 @@ impl Container for BagContainer {
                     let messages = all.map(|all| all.saturating_sub(seen));
                     damage.add(
                         start,
-                        "inside a chunk: bytes that are no record",
+                        "inside a chunk: bytes that are not a record",
                         Lost { bytes, chunk: false, messages },
                     );
                 }

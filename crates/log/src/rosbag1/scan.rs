@@ -195,7 +195,7 @@ impl Scan {
         }
     }
 
-    /// Passes over bytes that are no record, up to the next place where one is; the answer is that place.
+    /// Passes over bytes that are not a record, up to the next place where one is; the answer is that place.
     fn damaged(&mut self, map: &Map, start: usize) -> usize {
         // Every header has this field, at most two others before it.
         const FIELD: &[u8] = b"\x04\0\0\0op=";
@@ -211,7 +211,7 @@ impl Scan {
         let end = next.unwrap_or(map.len());
         let cut =
             map.cut.as_deref().unwrap_or("the file ends inside a record: it was cut, or its recorder was stopped");
-        let why = if next.is_none() { cut } else { "bytes that are no record" };
+        let why = if next.is_none() { cut } else { "bytes that are not a record" };
         self.damage.add(start, why, Lost { bytes: end - start, chunk: false, messages: None });
         end
     }
@@ -233,7 +233,7 @@ impl Scan {
         if contradicted > 0 {
             let which = if contradicted == 1 { "1 chunk".to_owned() } else { format!("{contradicted} chunks") };
             self.notes.push(format!(
-                "{which}: the index and the section at the end count different messages; both are passed over, and the chunks read"
+                "{which}: the index and the section at the end count different messages; both are ignored, and the chunks read"
             ));
         }
     }

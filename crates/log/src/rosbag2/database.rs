@@ -91,7 +91,7 @@ impl DatabaseContainer {
         };
         let table = |name: &str| {
             Table::of(&database, name)
-                .ok_or_else(|| foreign(format!("an SQLite database without a table `{name}`: no recording of rosbag2")))
+                .ok_or_else(|| foreign(format!("an SQLite database without a table `{name}`, so not a rosbag2 recording")))
         };
         let lacks = |table: &str, column: &str| foreign(format!("the table `{table}` has no column `{column}`"));
         let messages = table("messages")?;
@@ -130,7 +130,7 @@ impl DatabaseContainer {
         for &page in &leaves.damaged {
             let lost = Lost { bytes: self.database.page_size(), chunk: false, messages: None };
             let why = self.database.cut().filter(|_| self.database.place(page) != 0);
-            let why = why.unwrap_or_else(|| "a page of the table of messages that is none".to_owned());
+            let why = why.unwrap_or_else(|| "a malformed page of the table of messages".to_owned());
             self.damage.add(self.database.place(page), &why, lost);
         }
         self.leaves = leaves.pages;
@@ -165,7 +165,7 @@ impl DatabaseContainer {
                 break;
             }
             if leaf.damaged > 0 {
-                let why = format!("{} rows of messages that are none", leaf.damaged);
+                let why = format!("{} malformed rows of messages", leaf.damaged);
                 damage.add(at, &why, Lost { messages: Some(leaf.damaged), ..Lost::default() });
             }
             if leaf.unknown > 0 && unknown == 0 {
@@ -186,7 +186,7 @@ impl DatabaseContainer {
             pieces.push(piece);
         }
         if unknown > 0 {
-            let why = format!("{unknown} messages of topics that nothing defines, the first of them");
+            let why = format!("{unknown} messages of undefined topics, the first of them");
             damage.add(unknown_at, &why, Lost { messages: Some(unknown), ..Lost::default() });
         }
         if let Some(cut) = self.database.cut().filter(|_| damage.is_empty()) {
@@ -354,7 +354,7 @@ impl Container for DatabaseContainer {
                         }
                     }
                     Some(Value::Blob(data)) => each(topic, received, sent, &data)?,
-                    _ => lose("a message whose pages are not there"),
+                    _ => lose("a message whose pages are missing"),
                 }
             }
         }

@@ -54,7 +54,7 @@ impl Database {
         };
         let usable = page_size.saturating_sub(usize::from(header[20]));
         if !page_size.is_power_of_two() || page_size < 512 || usable < 480 {
-            return Err(wrong("its header names a size of pages that no database has"));
+            return Err(wrong("its header gives an invalid page size"));
         }
         let encoding = match header[59] {
             2 => TextEncoding::Utf16 { big: false },

@@ -36,7 +36,7 @@ impl UlogContainer {
     pub(crate) fn open(path: &Path, compression: Compression, progress: &dyn Progress) -> Result<Self, Error> {
         let map = Map::open(path, compression, KIND)?;
         let refuse = |problem| {
-            let mend = "convert it with the tools of its writer, or log without what sets the flag";
+            let mend = "convert it with the tools of its writer, or log without the feature that sets the flag";
             Error::WrongFormat { path: path.into(), problem, mend }
         };
         let scan = scan(&map, refuse, progress)?;

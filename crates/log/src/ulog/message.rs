@@ -71,8 +71,8 @@ impl<'a> Message<'a> {
     pub(super) fn belief(&self) -> Result<Belief, &'static str> {
         let payload = self.payload;
         let (sound, otherwise) = match self.kind {
-            b'F' => (format(payload).is_some(), "a format that is none"),
-            b'A' => (Subscription::parse(payload).is_some(), "a subscription that is none"),
+            b'F' => (format(payload).is_some(), "a malformed format"),
+            b'A' => (Subscription::parse(payload).is_some(), "a malformed subscription"),
             // A value whose key has no type or no name says nothing, but ends where it says.
             b'I' | b'P' if Entry::parse(payload).is_none() && has_key(payload) => return Ok(Belief::Open),
             b'M' | b'Q' if Entry::parse_flagged(payload).is_none() && has_key(payload.get(1..).unwrap_or_default()) => {
@@ -81,7 +81,7 @@ impl<'a> Message<'a> {
             b'I' | b'P' => (Entry::parse(payload).is_some(), "a value without a name"),
             b'M' | b'Q' => (Entry::parse_flagged(payload).is_some(), "a value without a name"),
             b'R' | b'O' => (payload.len() == 2, "a length that does not fit the message's type"),
-            b'S' => (payload == SYNC, "a mark that is none"),
+            b'S' => (payload == SYNC, "a malformed mark"),
             b'L' | b'C' => return logged(payload, if self.kind == b'L' { 9 } else { 11 }),
             b'B' => (self.start == HEADER && payload.len() >= 40, "flags that do not stand at the beginning"),
             _ => return Ok(Belief::Open),

@@ -104,7 +104,7 @@ pub(super) fn scan(map: &Map, refuse: impl Fn(String) -> Error, progress: &dyn P
     if map.len() < HEADER {
         scanner.lose(0, "the file ends inside its header", map.len(), None);
     } else if map.get(VERSION).is_some_and(|&version| version > LATEST) {
-        scanner.scan.notes.push("it says that it is of a newer version than is known".to_owned());
+        scanner.scan.notes.push("its version is newer than the known ones".to_owned());
     }
     progress.stage("finding messages");
     for end in scanner.sections().map_err(refuse)? {
@@ -164,7 +164,7 @@ impl<'a> Scanner<'a> {
         });
         if let Some(bit) = unknown {
             return Err(format!(
-                "bit {bit} of its incompatible flags is set, which is not known: a reader without it goes astray"
+                "bit {bit} of its incompatible flags is set and unknown, so the file cannot be read reliably"
             ));
         }
         let mut ends = Vec::new();
@@ -176,7 +176,7 @@ impl<'a> Scanner<'a> {
             match believed {
                 Some(end) => ends.push(end),
                 None => self.scan.notes.push(format!(
-                    "its flags say that data were appended at byte {offset}, of {length}: that is not believed"
+                    "its flags say that data were appended at byte {offset}, of {length}: this is ignored"
                 )),
             }
         }
@@ -344,7 +344,7 @@ impl<'a> Scanner<'a> {
         });
         match text {
             Some((name, fields)) => self.scan.definitions.add_format(name, fields),
-            None => self.lose(message.start, "a format that is no text", message.end() - message.start, None),
+            None => self.lose(message.start, "a format that is not text", message.end() - message.start, None),
         }
     }
 
@@ -363,19 +363,19 @@ impl<'a> Scanner<'a> {
 
     fn finish(mut self) -> Scan {
         for ((count, first), why) in
-            [(self.unknown, "messages of channels that nothing defines"), (self.late, "messages with times beyond all")]
+            [(self.unknown, "messages of undefined channels"), (self.late, "messages with times far after the others")]
         {
             if count > 0 {
                 self.lose(first, &format!("{count} {why}, the first of them"), 0, Some(count));
             }
         }
         if self.foreign > 0 {
-            self.scan.notes.push(format!("{} messages of types that are not known are passed over", self.foreign));
+            self.scan.notes.push(format!("{} messages of unknown types are left out", self.foreign));
         }
         if self.nameless > 0 {
             let (one, more) = ("1 value without a type or a name is", "values without a type or a name are");
             let which = if self.nameless == 1 { one.to_owned() } else { format!("{} {more}", self.nameless) };
-            self.scan.notes.push(format!("{which} left out of what the file says of itself"));
+            self.scan.notes.push(format!("{which} left out of the file's information"));
         }
         let Scan { notes, definitions, dropouts, .. } = &mut self.scan;
         notes.extend(std::mem::take(&mut definitions.notes));

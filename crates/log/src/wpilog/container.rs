@@ -42,7 +42,7 @@ impl WpilogContainer {
             && major != MAJOR
         {
             let problem = format!("a WPILOG file of version {major}.{minor}, and only {MAJOR}.x is read");
-            let mend = "write it anew with a current WPILib, or export it as CSV";
+            let mend = "write it again with a current WPILib, or export it as CSV";
             return Err(Error::WrongFormat { path: path.into(), problem, mend });
         }
         let scan = scan(&map, progress)?;

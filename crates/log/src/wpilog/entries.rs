@@ -80,7 +80,7 @@ impl Entries {
     /// Checks that the parts of a record fit each other.
     pub(super) fn believe(&self, record: &Record<'_>) -> Result<(), &'static str> {
         if record.entry == 0 {
-            return Control::parse(record.payload).map(drop).ok_or("a record about entries that is none");
+            return Control::parse(record.payload).map(drop).ok_or("a malformed record about entries");
         }
         let started = self.started(record).ok_or("a value of an entry that was not started")?;
         let kind = started.topic.and_then(|topic| self.found.get(topic)).map(|found| found.kind.as_str());

@@ -103,7 +103,7 @@ pub(super) fn scan(map: &Map, progress: &dyn Progress) -> Result<Scan, Error> {
     scan.close(map, &mut piece, at);
     if late > 0 {
         let lost = Lost { messages: Some(late), ..Lost::default() };
-        scan.damage.add(0, &format!("{late} values with times beyond all in the file"), lost);
+        scan.damage.add(0, &format!("{late} values with times far after the others in the file"), lost);
     }
     if let Some(cut) = map.cut.as_ref().filter(|_| scan.damage.is_empty()) {
         scan.damage.add(map.len(), cut, Lost { messages: None, ..Lost::default() });
@@ -134,7 +134,7 @@ fn sound_at<'a>(map: &'a [u8], at: usize, entries: &Entries) -> Result<Record<'a
     match judge(map, record.end, entries) {
         Ok(_) | Err(CUT) => Ok(record),
         Err(_) if record.entry == 0 || record.end == map.len() => Ok(record),
-        Err(_) => Err("a record that no other follows"),
+        Err(_) => Err("a record without a valid record after it"),
     }
 }
 

@@ -467,7 +467,7 @@ fn a_rate_makes_the_rows_of_a_table_anew() {
     assert!(near(0, 0.0) && near(1, 0.5) && near(4, 2.0) && near(8, 4.0) && near(50, 25.0), "{:?}", block.column(0));
     assert_eq!((block.column(1)[1], block.column(1)[5], block.column(2)[3]), (1.0, 2.0, 1.0));
     assert!(block.column(0)[20].is_nan() && block.column(1)[20].is_nan(), "nothing across a gap");
-    assert!(recording.notes().iter().any(|note| note.contains("made anew at 20 a second")), "{:?}", recording.notes());
+    assert!(recording.notes().iter().any(|note| note.contains("resampled to 20 a second")), "{:?}", recording.notes());
     let second = recording.read(1, 0..5, Halo::default()).unwrap();
     assert_eq!((second.stamps()[0], second.column(0)[1]), (50_000_000, 7.5));
     // Far more rows than there are samples; a fixed period has no clock.

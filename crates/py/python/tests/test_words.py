@@ -139,8 +139,8 @@ def test_routine_facts_are_logged_and_what_may_be_wrong_warns(tmp_path, caplog):
         warnings.simplefilter("error", ff.FleetfootWarning)
         fit = ff.PWA("average", target="next", lags=1).fit(data)
         fit.score(ff.open(made.files[2:], recipe=made.recipe))
-    assert any("the rows are the messages of" in record.message for record in caplog.records)
-    assert any("the rows are the messages of" in note for note in fit.report_["notes"])
+    assert any("one row per message of" in record.message for record in caplog.records)
+    assert any("one row per message of" in note for note in fit.report_["notes"])
     twins = np.column_stack([X[:, 0], 2 * X[:, 0]])
     with pytest.warns(ff.FleetfootWarning, match="cannot separate"):
         ff.PWA().fit(twins, T)
