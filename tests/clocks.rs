@@ -186,17 +186,17 @@ fn clocks_that_cannot_be_found_are_told() {
     for (more, words) in [
         (clock(""), vec!["[clocks.mocap]", "motion", "wave", "offset"]),
         (format!("{MOTION}wave = [\"w\", \"turn\"]\n"), vec!["[clocks.mocap]", "one of them"]),
-        (clock("motion = [\"turn\", \"w\"]\n"), vec!["[clocks.mocap] motion", "`w`", "the second by this one"]),
+        (clock("motion = [\"turn\", \"w\"]\n"), vec!["[clocks.mocap] motion", "`w`", "the channel of this clock"]),
         (clock("motion = [\"turn\", \"turn\"]\n"), vec!["`turn`", "stamped by this clock"]),
         (MOTION.replace("/mocap/*", "/vicon/*"), vec!["`/vicon/*`", "/mocap/pose"]),
         (format!("{MOTION}reach = -1.0\n"), vec!["reach = -1"]),
         (
             format!("{MOTION}reach = 0.1\noffset = 0.1\n"),
-            vec!["run.mcap", "an end of what was searched", "longer reach"],
+            vec!["run.mcap", "an end of the search range", "longer reach"],
         ),
         (clock("wave = [\"w\", \"/mocap/sync.variance\"]\n"), vec!["run.mcap", "is constant"]),
         (clock("motion = [\"w\", \"turns\"]\n"), vec!["turns"]),
-        (format!("{MOTION}even = true\n"), vec!["[clocks.mocap]", "even is said of a wave"]),
+        (format!("{MOTION}even = true\n"), vec!["[clocks.mocap]", "`even` belongs to a wave"]),
         (clock("offset = nan\n"), vec!["offset = NaN", "seconds"]),
     ] {
         prepare(path, &more, &[]).fails(&words);

@@ -449,7 +449,7 @@ fn a_condition_says_which_rows_are_used() {
         &["fit", "sparse", "where.stats", "--where", "t < 9", "-o", "x.json"],
         &["t < 9", "5 < t <= 12", "scan the logs again"],
     );
-    refused(&["fit", "pwa", "where.stats", "--where", "all", "-o", "x.json"], &["other rows"]);
+    refused(&["fit", "pwa", "where.stats", "--where", "all", "-o", "x.json"], &["another condition"]);
     run(&["fit", "pwa", "-c", "robot.toml", "where.stats", "--partition", "average", "-o", "sums.json"]);
     assert!(String::from_utf8(bytes("sums.json")).unwrap().contains("5 < t <= 12"));
     run(&["scan", "-c", "robot.toml", "all.csv", "--plan", "where.stats", "-o", "x.stats"]

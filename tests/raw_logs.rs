@@ -88,7 +88,7 @@ fn errors_against_measurements_have_the_noise_in_them() {
     let path = folder.path();
     for data in ["clean", "other"] {
         let said = score(path, data);
-        assert!(notes(&said).contains("those called raw are against the measurements"), "{}", notes(&said));
+        assert!(notes(&said).contains("errors called raw are against the measurements"), "{}", notes(&said));
         assert!(!notes(&said).contains("scatter about them"), "{}", notes(&said));
         for ([smooth, raw], noise) in errors(&said).into_iter().zip(NOISE) {
             let expected = smooth.hypot(noise);
@@ -128,7 +128,7 @@ fn a_raw_log_that_is_gone_or_another_one_is_told() {
     let said = score(path, "clean");
     assert!(said["targets"][0].get("raw").is_none());
     assert!(
-        notes(&said).contains("errors are against smoothed values alone")
+        notes(&said).contains("errors are against smoothed values only")
             && notes(&said).contains("raw/run_0.csv and is not there")
             && notes(&said).contains("(and 1 more)")
             && notes(&said).contains("scatter about them"),
@@ -143,7 +143,7 @@ fn a_raw_log_that_is_gone_or_another_one_is_told() {
     let said = score(path, "away/clean");
     assert!(errors(&said)[0][1] > 0.9 * NOISE[0]);
     assert!(
-        notes(&said).contains("of some logs errors are against smoothed values alone")
+        notes(&said).contains("of some logs errors are against smoothed values only")
             && notes(&said).contains("run_1.csv has changed since; prepare the raw log again"),
         "{}",
         notes(&said)

@@ -47,7 +47,7 @@ pub(crate) fn find(recipe: &Recipe, logs: &Logs, topics: &[String], progress: &d
         check_topics(&place, section, topics)?;
         if section.even.is_some() && section.wave.is_none() {
             return Err(Error::conflict(format!(
-                "{place}: even is said of a wave; name the two channels that saw it (wave)"
+                "{place}: `even` belongs to a wave; name the two channels that measured it (wave)"
             )));
         }
         match (&section.motion, &section.wave, section.offset) {
@@ -60,11 +60,11 @@ pub(crate) fn find(recipe: &Recipe, logs: &Logs, topics: &[String], progress: &d
                 return Err(Error::value(format!("{place} offset = {offset}: write seconds")));
             }
             (Some(_), Some(_), _) => {
-                return Err(Error::conflict(format!("{place}: motion and wave; say one of them")));
+                return Err(Error::conflict(format!("{place}: both `motion` and `wave` are set; keep one of them")));
             }
             (None, None, None) => {
                 return Err(Error::missing(format!(
-                    "{place}: say what both computers saw (motion = [\"...\", \"...\"] or wave = [\"...\", \"...\"]: a channel by the reference clock, one by this clock), or the offset in seconds"
+                    "{place}: name two channels that measure the same thing (motion = [\"...\", \"...\"] or wave = [\"...\", \"...\"]: a channel by the reference clock, one by this clock), or the offset in seconds"
                 )));
             }
         }
@@ -149,14 +149,14 @@ impl Clocks {
         let own_set = Dataset::for_channels(recipe, std::slice::from_ref(own), &self.topics, logs, progress)?;
         if !is_stamped(&own_set, topics, std::iter::once(section)) {
             return Err(Error::conflict(format!(
-                "{place}: `{own}` is of none of the topics of [clocks.{name}]; the first of the two is by the reference clock, the second by this one"
+                "{place}: `{own}` is not in a topic of [clocks.{name}]; name first the channel of the reference clock, then the channel of this clock"
             )));
         }
         let reference_set =
             Dataset::for_channels(recipe, std::slice::from_ref(reference), &self.topics, logs, progress)?;
         if is_stamped(&reference_set, topics, later) {
             return Err(Error::conflict(format!(
-                "{place}: `{reference}` is stamped by this clock or by one that stands after it; compare with the reference clock or with one that stands before"
+                "{place}: `{reference}` is stamped by this clock or by a later one of the recipe; compare with the reference clock or with an earlier one"
             )));
         }
         let even = recipe.prepare.dejitter == Some(true);
@@ -183,7 +183,7 @@ impl Clocks {
         let log = pair.own.log.display().to_string();
         if let Found::Motion(Alignment { at_end: true, line, .. }) = &found {
             return Err(Error::undetermined(format!(
-                "[clocks.{name}]: in {log} the channels are most alike {:.4} s apart at {:.1} ppm, at an end of what was searched ({} s about {:.4} s): give a longer reach, or an offset to search about",
+                "[clocks.{name}]: in {log} the best clock offset is {:.4} s at {:.1} ppm, at an end of the search range ({} s about {:.4} s): give a longer reach, or an offset to search about",
                 line.offset,
                 1e6 * line.skew,
                 pair.reach,
@@ -194,7 +194,7 @@ impl Clocks {
             && (deviation.is_nan() || 1.96 * deviation >= pair.reach)
         {
             return Err(Error::undetermined(format!(
-                "[clocks.{name}]: in {log} the motion does not tell how far the clocks are apart ({:.2} % of it are unexplained wherever they are): name channels that see more of it, or a wave that both saw",
+                "[clocks.{name}]: in {log} the motion does not determine the clock offset ({:.2} % of it are unexplained at the best one): name channels with more motion in common, or a wave that both measured",
                 1e2 * unexplained
             )));
         }

@@ -72,7 +72,7 @@ pub fn refuse_other_rows(recipe: &Recipe, scanned: &Recipe) -> Result<(), Error>
     }
     let (wanted, there) = (stated(recipe).unwrap_or("all"), stated(scanned).unwrap_or("all"));
     Err(Error::needs_rows(format!(
-        "{entry}: the statistic is of other rows (where = \"{there}\"), which were chosen when it was scanned: scan the logs again, or fit them without a statistic",
+        "{entry}: the statistic was scanned with another condition (where = \"{there}\"): scan the logs again, or fit them without a statistic",
         entry = TIME_SECTION.entry("where").is(format_args!("\"{wanted}\""))
     )))
 }
@@ -90,7 +90,7 @@ impl Condition {
             let (sides, signs) = sides(part);
             if signs.is_empty() || sides.iter().any(|side| side.trim().is_empty()) {
                 return Err(Error::value(format!(
-                    "{entry}: `{}` is no comparison; write, for example, where = \"armed > 0 and 2 < time() < 60\", or where = \"all\"",
+                    "{entry}: `{}` is not a comparison; write, for example, where = \"armed > 0 and 2 < time() < 60\", or where = \"all\"",
                     part.trim(),
                     entry = TIME_SECTION.entry("where").is(format_args!("\"{text}\""))
                 )));
@@ -151,7 +151,7 @@ impl Condition {
         let (used, all): (usize, usize) = (runs.iter().map(|(_, run)| run.len()).sum(), view.rows());
         if used == 0 {
             let problem =
-                format!("no row of {all} is used: `{}` holds of none ({TIME_SECTION} where, {WHERE})", self.text);
+                format!("none of the {all} rows satisfies `{}`: change the condition ({TIME_SECTION} where, {WHERE})", self.text);
             return Err(Error::too_few_rows(0, 1, problem));
         }
         if runs.len() > MOST_RUNS {
@@ -318,7 +318,7 @@ mod tests {
     fn what_is_no_condition_is_told() {
         for (text, words) in [
             ("t", "`t` is no comparison"),
-            ("t > ", "is no comparison"),
+            ("t > ", "is not a comparison"),
             ("tt > 3", "did you mean `t`"),
             ("t == 'auto'", "has numbers and no words"),
             ("mode > 'auto'", "by == or !="),

@@ -128,7 +128,7 @@ impl Dataset {
             expressions = places.iter().map(|&at| expressions[at].clone()).collect();
         }
         if columns.is_empty() {
-            return Err(Error::missing("there is no column to read: name some".into()));
+            return Err(Error::missing("no column is named: name the columns to read".into()));
         }
         Ok(Named { recipe, columns, expressions })
     }
@@ -204,7 +204,7 @@ impl Dataset {
         };
         if recording.without_clock() {
             notes
-                .push("the rows have no time stamps: they are taken in their order, which only lags would need".into());
+                .push("the rows have no time stamps and are used in their order, which matters for lags only".into());
         }
         let source = Labelled::new(recording, &labels);
         refuse_text(&source, (model, aliases), &reads.numbers)?;

@@ -20,7 +20,7 @@ pub enum Error {
     Request(#[from] RequestError),
     /// A model that advances row by row on rows of another period.
     #[error(
-        "{}: its rows are {} s apart, those that the model was fitted on {} s, and it advances row by row, so that its numbers would mean nothing; {mend}; \
+        "{}: its rows are {} s apart and the model advances by rows of {} s, so its predictions would be wrong; {mend}; \
          if the stamps of this log are wrong, give its period with {DT}", path.display(), short(*found), short(*expected)
     )]
     OtherPeriod {
@@ -34,7 +34,7 @@ pub enum Error {
         mend: String,
     },
     /// Text where numbers are read.
-    #[error("{}: {what} holds text ({found}), and text is no number: {mend}", path.display())]
+    #[error("{}: {what} holds text ({found}), instead of numbers: {mend}", path.display())]
     TextAsNumber {
         /// The log.
         path: PathBuf,

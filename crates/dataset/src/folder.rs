@@ -79,7 +79,7 @@ impl Folder {
     pub fn notes(&self) -> Vec<String> {
         let removed = |left: &PathBuf| format!("removed {}, which a killed command had left", left.display());
         let left = |left: &PathBuf| {
-            format!("{} may be what a killed command has left: remove it, or give {FORCE}", left.display())
+            format!("a killed command may have left {}: remove it, or give {FORCE}", left.display())
         };
         self.removed.iter().map(removed).chain(self.leftovers.iter().map(left)).collect()
     }
@@ -113,13 +113,13 @@ impl Folder {
             (Some(first), _) => format!("{} would be mixed with them: choose another folder", first.display()),
             (None, Some(first)) if !force => {
                 format!(
-                    "{} is there already: choose another folder, or {FORCE} to replace all logs in it",
+                    "{} exists already: choose another folder, or {FORCE} to replace all logs in it",
                     first.display()
                 )
             }
             _ => return Ok(own),
         };
-        Err(Error::output(format!("{}: these logs want a folder of their own; {advice}", target.display())))
+        Err(Error::output(format!("{}: these logs need an empty folder; {advice}", target.display())))
     }
 
     /// Path at which a file is written before it is moved.

@@ -143,7 +143,7 @@ impl AlignedClock {
         let mut doubts = Vec::new();
         if let Some(share) = self.unexplained.filter(|share| *share > doubtful) {
             doubts.push(format!(
-                "{place}: {:.0} % of the motion is not explained even where the channels are most alike: do they see the same motion?",
+                "{place}: {:.0} % of the motion are unexplained at the best offset: check that both channels measure the same motion",
                 100.0 * share
             ));
         }
@@ -151,7 +151,7 @@ impl AlignedClock {
         let off = self.parts.iter().filter(is_off).max_by(|a, b| a.off.abs().total_cmp(&b.off.abs()));
         if let Some(part) = off {
             doubts.push(format!(
-                "{place}: the clocks do not run evenly: about {:.0} s the lag is {:.3} ms (+- {:.3}) off the straight line",
+                "{place}: the clocks do not run evenly: about {:.0} s the lag is {:.3} ms (+- {:.3}) off a straight line",
                 part.at,
                 1e3 * part.off,
                 1e3 * part.deviation
@@ -166,7 +166,7 @@ impl AlignedClock {
         if !self.others.is_empty() {
             let others: Vec<String> = self.others.iter().map(|offset| format!("{offset:.3}")).collect();
             doubts.push(format!(
-                "{place}: the wave repeats: offsets of {} s agree as well, and the one nearest to what was searched about is taken; a reach below half its period leaves one",
+                "{place}: the wave repeats: offsets of {} s fit as well, and the one nearest to the given offset is used; a reach below half the period leaves one",
                 others.join(", ")
             ));
         }

@@ -18,7 +18,7 @@ const TOLERANCE: f64 = 0.01;
 /// A recorded quaternion that is no rotation.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{}: row {} of {episode}: the quaternion {rotation} is ({}), of length {length:.4}, and no rotation, whose length is 1; look for a wrong column or unit, or leave such rows out: {}",
+    "{}: row {} of {episode}: the quaternion {rotation} is ({}), of length {length:.4} instead of 1; look for a wrong column or unit, or leave such rows out: {}",
     file.display(), row + 1, parts.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "), WHERE.to(condition)
 )]
 pub struct NoRotation {

@@ -23,7 +23,7 @@ pub enum StatisticError {
         source: std::io::Error,
     },
     /// Something else.
-    #[error("{}: this is no statistic of fleetfoot; {SCAN} writes them", path.display())]
+    #[error("{}: this is not a statistic of fleetfoot; {SCAN} writes them", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
@@ -38,7 +38,7 @@ pub enum StatisticError {
     },
     /// A format of the past.
     #[error(
-        "{}: its format is {version} and this fleetfoot reads {VERSION}: it lacks sums that are kept now; scan the logs again, or use the fleetfoot that wrote it",
+        "{}: its format is {version} and this fleetfoot reads {VERSION}: it lacks sums of the newer format; scan the logs again, or use the fleetfoot that wrote it",
         path.display()
     )]
     Older {
@@ -86,7 +86,7 @@ pub enum StatisticError {
         names: Vec<String>,
     },
     /// A request that matches no episode.
-    #[error("{asked} matches no episode; there is {}", some(.there))]
+    #[error("{asked} matches no episode; the statistic has {}", some(.there))]
     NoMatch {
         /// Request that matched no episode.
         asked: String,

@@ -62,7 +62,7 @@ fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
         let kind = match table.kind.as_deref() {
             None => None,
             Some(text) => Some(JoinKind::parse(text).ok_or_else(|| {
-                Error::value(format!("{place}: `{text}` is no kind of join; write linear, hold, angle or slerp"))
+                Error::value(format!("{place}: `{text}` is not a kind of join; write linear, hold, angle or slerp"))
             })?),
         };
         let rule = ColumnJoin { kind, max_gap: max_gap(table.max_gap.as_ref(), &place)? };

@@ -12,7 +12,7 @@ pub(super) fn truth(logs: &Logs) -> Option<String> {
         let scatter: Vec<String> =
             scatter(&files).into_iter().map(|(column, noise)| format!("{column} {noise:.2e}")).collect();
         let beside = if scatter.is_empty() {
-            "`fleetfoot rollout MODEL RAW.csv` tells the error against measurements where the model needs no derivative columns".to_owned()
+            "`fleetfoot rollout MODEL RAW.csv` gives the error against measurements if the model needs no derivative columns".to_owned()
         } else {
             format!(
                 "the measurements scatter about them by {} (standard deviation n), so that an error e of a state is about sqrt(e^2 + n^2) against \
@@ -21,7 +21,7 @@ pub(super) fn truth(logs: &Logs) -> Option<String> {
             )
         };
         format!(
-            "these logs are what `prepare` wrote: held-out errors, scores and rollouts are against smoothed values, which a smooth model meets more easily than \
+            "`prepare` wrote these logs: held-out errors, scores and rollouts compare with smoothed values, which a smooth model fits more easily than \
              measurements; {beside}"
         )
     })

@@ -116,7 +116,7 @@ impl Dataset {
         if !absent.is_empty() {
             let names: Vec<&str> = absent.iter().map(|column| column.name.as_str()).collect();
             let note =
-                format!("the recording has no {}: nothing is compared with what it would measure", names.join(", "));
+                format!("the recording has no {}, so the predictions are not compared with measurements", names.join(", "));
             dataset.notes.push(note);
         }
         dataset.recode(model);

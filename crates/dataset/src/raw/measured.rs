@@ -179,15 +179,15 @@ impl Measured {
             let files: BTreeSet<&PathBuf> = self.raw.values().flatten().collect();
             let logs = if files.len() == 1 { "1 raw log".to_owned() } else { format!("{} raw logs", files.len()) };
             notes.push(format!(
-                "these logs are what `prepare` wrote: errors are against smoothed values; those called raw are against the measurements of {logs}"
+                "`prepare` wrote these logs: errors are against smoothed values; errors called raw are against the measurements of {logs}"
             ));
         }
         if let Some((first, more)) = self.missing.split_first() {
             let more = if more.is_empty() { String::new() } else { format!(" (and {} more)", more.len()) };
             let all = if self.is_empty() {
-                "errors are against smoothed values alone"
+                "errors are against smoothed values only"
             } else {
-                "of some logs errors are against smoothed values alone"
+                "of some logs errors are against smoothed values only"
             };
             notes.push(format!("{all}: {first}{more}"));
         }

@@ -131,7 +131,7 @@ impl<'a> Sections<'a> {
         }
         let found = walk(body).map_err(|(place, problem)| damaged(place, problem))?;
         if !whole {
-            return Err(damaged("the file as a whole".into(), "its checksum is another"));
+            return Err(damaged("the file as a whole".into(), "its checksum differs"));
         }
         let sizes = Sizes {
             total: bytes.len() as u64,
@@ -184,7 +184,7 @@ fn walk(body: &[u8]) -> Result<Vec<Section<'_>>, (String, &'static str)> {
         let payload = usize::try_from(u64::from_le_bytes(length)).ok().and_then(|n| rest[SECTION_HEAD..].get(..n));
         let payload = payload.ok_or_else(|| (place(&text), "the file ends there"))?;
         if checksum(name, &length, payload) != word(head, 16) {
-            return Err((place(&text), "its checksum is another"));
+            return Err((place(&text), "its checksum differs"));
         }
         rest = &rest[SECTION_HEAD + payload.len()..];
         found.push((text, payload));

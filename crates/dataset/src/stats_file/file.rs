@@ -361,7 +361,7 @@ impl StatisticFile {
         };
         // The older rule cannot be followed any more; the checksums hold of such a file too.
         if sections.version == VERSION && file.plan_hash() != head.plan {
-            return Err(sections.damaged("section `plan`", "its hash is another"));
+            return Err(sections.damaged("section `plan`", "its hash differs"));
         }
         for entry in episodes {
             file.take(entry).map_err(|problem| sections.damaged("section `episodes`", problem))?;
@@ -373,7 +373,7 @@ impl StatisticFile {
 
     fn take(&mut self, entry: EpisodeEntry) -> Result<(), &'static str> {
         let id = EpisodeId(u128::from_le_bytes(entry.id));
-        let file = self.files.get(entry.file as usize).ok_or("an episode of a file that is not there")?.hash;
+        let file = self.files.get(entry.file as usize).ok_or("an episode of a missing file")?.hash;
         if self.episodes.last().is_some_and(|last| last.id >= id) {
             return Err("the episodes are not in ascending order");
         }
@@ -410,7 +410,7 @@ impl StatisticFile {
             }
         }
         if keys().any(|key| self.episode(key.episode).is_none()) {
-            return Err("a chunk of an episode that is not there");
+            return Err("a chunk of a missing episode");
         }
         let known = |episode| self.episode(episode).is_some();
         self.equations.as_ref().map_or(Ok(()), |equations| equations.check(known))

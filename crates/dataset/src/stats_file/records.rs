@@ -197,7 +197,7 @@ impl PlanRecord {
             for (latent, coefficient) in task.terms {
                 let latent = latent as usize;
                 if latent >= latents.len() || terms.iter().any(|term| term.latent == latent) {
-                    return Err(format!("task {} has a latent twice, or one that is not there", task.name));
+                    return Err(format!("task {} has a latent twice, or an unknown one", task.name));
                 }
                 terms.push(Term { latent, coefficient: parse(&coefficient)? });
             }

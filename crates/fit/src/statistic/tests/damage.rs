@@ -108,7 +108,7 @@ fn files_of_the_format_before_are_read() {
     let mut other = old.to_vec();
     other[8] = 4;
     let message = read(&sealed(other)).unwrap_err().to_string();
-    assert!(message.contains("section `plan`") && message.contains("its hash is another"), "{message}");
+    assert!(message.contains("section `plan`") && message.contains("its hash differs"), "{message}");
 }
 
 /// A file of these sections, checksums right.

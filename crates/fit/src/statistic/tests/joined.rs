@@ -109,7 +109,7 @@ fn what_is_left_after_a_drop_is_a_scan_of_the_others() {
 
     let refused = |file: &mut StatisticFile, one| file.drop_episodes(&[one]).unwrap_err().to_string();
     let message = refused(&mut left, label("7"));
-    assert!(message.contains("--where aircraft=7 matches no episode; there is aircraft=2"), "{message}");
+    assert!(message.contains("--where aircraft=7 matches no episode; the statistic has aircraft=2"), "{message}");
     assert!(refused(&mut left, Unwanted::Episode("x".into())).contains("flight_1.csv"));
     assert!(refused(&mut left, label("2")).contains("all 2 episodes"));
 }
