@@ -189,7 +189,7 @@ fn a_partition_does_not_look_at_what_is_predicted() {
         &["--alias", "twice=2*y", "--partition-on", "twice"],
         &["--alias", "other=y", "--partition-on", "u*other"],
     ] {
-        fit(more).fails(&["the partition looks at", "`y`", "--partition-on"]);
+        fit(more).fails(&["the partition uses", "`y`", "--partition-on"]);
     }
     // The target an alias: the field that it is a function of.
     let arguments =

@@ -62,7 +62,7 @@ impl State {
             ];
             return match said.iter().find(|(_, said)| *said) {
                 Some((key, _)) => Err(Error::conflict(format!(
-                    "{place} {key}: it is of rotations; write `kind = \"quaternion\"` or `kind = \"rotation-vector\"` beside it, or leave it away"
+                    "{place} {key}: only rotations have it; write `kind = \"quaternion\"` or `kind = \"rotation-vector\"` beside it, or leave it out"
                 ))),
                 None => Ok(None),
             };
@@ -106,7 +106,7 @@ impl State {
         ];
         match said.iter().find(|(_, said)| *said) {
             Some((key, _)) => Err(Error::conflict(format!(
-                "{place} {key}: the equations of a rotation are its kinematics, given its `rate`; leave `{key}` away, and fit the equations of the rates"
+                "{place} {key}: the equations of a rotation are its kinematics, given its `rate`; leave `{key}` out, and fit the equations of the rates"
             ))),
             None => Ok(()),
         }
@@ -125,7 +125,7 @@ impl State {
         if let Some(columns) = &self.columns {
             if self.column.is_some() {
                 return Err(Error::conflict(format!(
-                    "{place}: it has both `column` and `columns`; one says where it is"
+                    "{place}: it has both `column` and `columns`; keep one of them"
                 )));
             }
             if columns.len() != letters.len() {
@@ -145,7 +145,7 @@ impl State {
             return Ok(letters.iter().map(named).collect());
         }
         if self.order.is_some() {
-            return Err(Error::conflict(format!("{place} order: it is that of `columns`, which are not there")));
+            return Err(Error::conflict(format!("{place} order: it needs `columns`, which are missing")));
         }
         // The common beginning of the parts' names, itself or by an alias.
         let said = self.column.as_deref().unwrap_or(name).trim();

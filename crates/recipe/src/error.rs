@@ -42,7 +42,7 @@ pub enum Error {
     Request(#[from] RequestError),
     /// A partition by the predicted quantity.
     #[error(
-        "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \
+        "the partition uses `{column}`, which determines the target `{target}`: the region of a row would be unknown before its \
          answer; name other columns with {PARTITION_ON}, or its past: lag({target}, 1)"
     )]
     TargetInPartition {

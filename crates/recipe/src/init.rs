@@ -87,7 +87,7 @@ fn table_recipe(file: &str, columns: &[Column], clock: Option<&ClockInfo>) -> St
         let details = if is_angle(&column.name) { "{ kind = \"angle\" }" } else { "{}" };
         let _ = writeln!(out, "# {} = {details}{}", key(&column.name), unit(column));
     }
-    let _ = writeln!(out, "\n# What is given from outside.");
+    let _ = writeln!(out, "\n# Inputs: columns that drive the model.");
     let _ = writeln!(out, "[inputs]");
     for column in &numeric {
         let _ = writeln!(out, "# {} = {}{}", key(&column.name), text(&column.name), unit(column));
@@ -168,7 +168,7 @@ fn columns_heading(out: &mut String) {
 }
 
 fn states_heading(out: &mut String, columns: &[Column]) {
-    let _ = writeln!(out, "# What the model advances in time. Details, all optional:");
+    let _ = writeln!(out, "# States: the model advances them in time. Details, all optional:");
     let _ = writeln!(
         out,
         "#   kind = \"angle\"         radians; differences wrap, the library and the partition see its cosine and sine"
@@ -301,7 +301,7 @@ mod tests {
         assert_eq!((recipe.time.column.as_deref(), recipe.time.unit.as_deref()), (Some("t"), Some("us")));
         assert!(text.contains("yaw(q)"));
         let start = text.find("[states]").unwrap();
-        let end = text.find("# What is given").unwrap();
+        let end = text.find("# Inputs:").unwrap();
         let uncommented = text[start..end].replace("\n# ", "\n");
         let recipe = Recipe::parse(&uncommented, "uncommented").unwrap();
         assert_eq!(recipe.states.len(), 7);
@@ -316,7 +316,7 @@ mod tests {
         let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();
         let text = table_recipe("a.csv", &columns, None);
         let start = text.find("[columns]").unwrap();
-        let end = text.find("# What the model advances").unwrap();
+        let end = text.find("# States: the model advances").unwrap();
         let lines =
             text[start..end].lines().filter_map(|line| line.strip_prefix("# ").filter(|line| line.contains(" = ")));
         let section = lines.fold("[columns]\n".to_owned(), |all, line| format!("{all}{line}\n"));

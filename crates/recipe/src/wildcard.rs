@@ -171,7 +171,7 @@ fn with_parts(
                 Some(_) if blank(&own) => {}
                 Some(known) if !blank(known) => {
                     let problem = format!(
-                        "{entry}: it is a part of a rotation, whose equations are its kinematics, and a state of its own; leave one of the two away",
+                        "{entry}: it is both a part of a rotation, whose equations are its kinematics, and a state; leave one of the two out",
                         entry = STATES_SECTION.entry(&name)
                     );
                     return Err(Error::name_taken(&name, problem));

@@ -80,7 +80,7 @@ HUGE = 10**200
         (lambda m: ff.PWA(2, continuous="foo").fit(X, T), "continuous='foo': give True or False"),
         (lambda m: ff.PWA(objective="steps:0").fit(X, T), "objective='steps:0': write one-step, free-run, or steps:N"),
         (lambda m: ff.PWA(2, phase="foo").fit(X, T), "phase='foo': in `foo`, character 1: unknown column"),
-        (lambda m: ff.PWA(lags="foo").fit(X, T), "lags='foo': `foo` is no number of rows"),
+        (lambda m: ff.PWA(lags="foo").fit(X, T), "lags='foo': `foo` is not a number of rows"),
         (lambda m: ff.SINDy(library=["x0^"]).fit(X, T), "library='x0^': in `x0^`, character 4"),
         (lambda m: ff.SINDy(normalize="foo").fit(X, T), "normalize='foo': write True, False or 'length'"),
         (lambda m: ff.SINDy(constraints={"a": {"foo": 1}}).fit(X, T), "there is no 'foo'; give 'of', 'coefficients'"),

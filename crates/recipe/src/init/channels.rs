@@ -45,7 +45,7 @@ pub(crate) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     for name in &states {
         let _ = writeln!(out, "{} = {{}}", key(name));
     }
-    let _ = writeln!(out, "\n# What is given from outside; held between messages.");
+    let _ = writeln!(out, "\n# Inputs: columns that drive the model; their values hold between messages.");
     let _ = writeln!(out, "[inputs]");
     for name in &given {
         let _ = writeln!(out, "{} = {{}}", key(name));
@@ -547,7 +547,7 @@ mod tests {
         let names = Recipe::parse(&section("[columns]", "# all fields of a kind"), "columns").unwrap();
         assert_eq!(names.columns["x_2"], "/wheel/odom.pose.pose.position.x");
         assert_eq!(names.columns["_2d"], "/scan.2d");
-        let states = Recipe::parse(&section("[states]", "# What is given"), "states").unwrap();
+        let states = Recipe::parse(&section("[states]", "# Inputs:"), "states").unwrap();
         assert_eq!(states.states["x_2"].known.as_deref(), Some("v_2*cos(yaw_2)"));
         let inputs = Recipe::parse(&section("[inputs]", "# One clock"), "inputs").unwrap();
         assert_eq!(inputs.inputs.keys().collect::<Vec<_>>(), ["u0", "u1"]);

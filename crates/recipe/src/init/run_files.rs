@@ -84,7 +84,7 @@ fn recipe(found: &FoundRuns, topics: &[(&str, Vec<Column>)], clocks: &[(&str, Cl
     for (name, details) in &states {
         let _ = writeln!(out, "{} = {details}", key(name));
     }
-    let _ = writeln!(out, "\n# What is given from outside.\n[inputs]");
+    let _ = writeln!(out, "\n# Inputs: columns that drive the model.\n[inputs]");
     for name in &inputs {
         let _ = writeln!(out, "{} = {{}}", key(name));
     }

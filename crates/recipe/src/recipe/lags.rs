@@ -48,7 +48,7 @@ impl Lags {
     pub fn gleaned(last: u32, every: u32) -> Result<Self, String> {
         if every == 0 || last < every {
             return Err(format!(
-                "lags: every {every}-th of the last {last} rows is none; write an interval from 1 to their number, as in {{ last = 50, every = 5 }}, or 50:5"
+                "lags: every {every}-th of the last {last} rows selects no row; write an interval from 1 to their number, as in {{ last = 50, every = 5 }}, or 50:5"
             ));
         }
         if last > MOST {
@@ -91,7 +91,7 @@ impl FromStr for Lags {
     fn from_str(text: &str) -> Result<Self, String> {
         let number = |text: &str| {
             let wrong = |_| {
-                format!("lags: `{text}` is no number of rows; write one, as in 3, or every 5th of the last 50, 50:5")
+                format!("lags: `{text}` is not a number of rows; write one, as in 3, or every 5th of the last 50, 50:5")
             };
             text.trim().parse::<u32>().map_err(wrong)
         };

@@ -40,7 +40,7 @@ impl FromStr for PortList {
         let found: Option<Vec<Port>> = text.split(',').map(port).collect();
         found.map(Self).ok_or_else(|| {
             format!(
-                "passive = \"{text}\": write INPUT:STATE, such as force:speed, several with commas, each with INPUT:STATE:SHORTAGE where what sampling takes is not to be found, a number \
+                "passive = \"{text}\": write INPUT:STATE, such as force:speed, several with commas; INPUT:STATE:SHORTAGE also sets the allowed energy gain per sample, a number \
                  above 0"
             )
         })

@@ -41,7 +41,7 @@ impl std::str::FromStr for Limits {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let number =
-            |text: &str| text.trim().parse::<f64>().map_err(|_| format!("`{text}` is no number; write LOW:HIGH"));
+            |text: &str| text.trim().parse::<f64>().map_err(|_| format!("`{text}` is not a number; write LOW:HIGH"));
         let (low, high) = text.split_once(':').ok_or("write LOW:HIGH")?;
         Ok(Self([number(low)?, number(high)?]))
     }
