@@ -254,7 +254,7 @@ impl Channels {
                 Fault::AtRest,
                 "all states",
                 (0.0, "nothing moves in these logs".into()),
-                "record the robot in motion: a model of rest says nothing",
+                "record the robot in motion: rows at rest identify no model",
             ));
         }
         findings
@@ -289,7 +289,7 @@ impl Channels {
                 Fault::Missing,
                 (missing, format!("{:.1} % of its rows have no value", 100.0 * missing)),
                 &format_args!(
-                    "{PREPARE} fills short gaps; {JOIN} in the recipe says how far the samples of a topic reach"
+                    "{PREPARE} fills short gaps; {JOIN} in the recipe sets how long the samples of a topic hold"
                 ),
             );
         }
@@ -314,7 +314,7 @@ impl Channels {
                 Fault::GrossErrors,
                 (
                     gross,
-                    format!("{:.2} % of its values lie {FAR} usual steps and more off both neighbours", 100.0 * gross),
+                    format!("{:.2} % of its values differ from both neighbours by {FAR} usual steps or more", 100.0 * gross),
                 ),
                 &format_args!("{prepare_command} takes them out", prepare_command = PREPARE.with(HAMPEL.to(5))),
             );
@@ -326,7 +326,7 @@ impl Channels {
                 Fault::Stuck,
                 (
                     sums.longest as f64,
-                    format!("it has one value for {} rows, though it changes in nearly all others", sums.longest),
+                    format!("it is constant for {} rows, but changes in nearly all others", sums.longest),
                 ),
                 &format_args!("leave these rows out ({WHERE})"),
             );
@@ -337,8 +337,8 @@ impl Channels {
             let end = if sums.at_least > sums.at_most { sums.least } else { sums.most };
             found(
                 Fault::Saturated,
-                (at_end, format!("{:.1} % of its rows stand at {end}, the end of its range", 100.0 * at_end)),
-                &format_args!("leave these rows out ({WHERE}); a sensor with a wider range sees them"),
+                (at_end, format!("{:.1} % of its rows are at {end}, the end of its range", 100.0 * at_end)),
+                &format_args!("leave these rows out ({WHERE}); a sensor with a wider range measures them"),
             );
         }
         let coarse = sums.step / sums.deviation();

@@ -89,7 +89,7 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     let mut channels: Vec<Channel> = columns.map(|(at, column)| channel(recipe, column, at)).collect();
     if channels.len() > MOST {
         notes.push(format!(
-            "{MOST} of {} columns are looked at; name states and inputs in a recipe (-c) to choose them",
+            "only {MOST} of {} columns are checked; name states and inputs in a recipe (-c) to choose them",
             channels.len()
         ));
         channels.truncate(MOST);

@@ -107,7 +107,7 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
             name,
             (
                 found.ratio,
-                format!("it is {:.3} times the derivative of `{of}`: one of them has a turned sign", found.ratio),
+                format!("it is {:.3} times the derivative of `{of}`: one of them has the wrong sign", found.ratio),
             ),
             format!("in the recipe: {COLUMNS} with a minus before one of them"),
         ));
@@ -119,9 +119,9 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
         Finding::new(
             Fault::Delay,
             late,
-            (seconds.abs(), format!("it is {:.4} s ({} rows) late beside `{early}`", seconds.abs(), found.late.abs())),
+            (seconds.abs(), format!("it lags by {:.4} s ({} rows) behind `{early}`", seconds.abs(), found.late.abs())),
             format!(
-                "in the recipe: {COLUMNS} with `lead({late}, {})`, or {CLOCKS} where it is of another clock",
+                "in the recipe: {COLUMNS} with `lead({late}, {})`, or {CLOCKS} if another clock stamps it",
                 found.late.abs()
             ),
         )
@@ -178,7 +178,7 @@ fn duplicates(channels: &[Channel], sample: &Sample, usable: &[usize]) -> Vec<Fi
                 Fault::Duplicate,
                 &channels[other].column.name,
                 (1.0, format!("its values are those of `{}`", channels[one].column.name)),
-                "leave one of them out: coefficients of both cannot be told apart",
+                "leave one of them out: their coefficients cannot be separated",
             ));
         }
     }

@@ -34,7 +34,7 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                 findings.push(Finding::new(
                     Fault::Backward,
                     &name,
-                    (clock.backward as f64, format!("{} stamps are before the one of the row above", clock.backward)),
+                    (clock.backward as f64, format!("{} stamps are earlier than the stamp of the row above", clock.backward)),
                     format!(
                         "each begins an episode; sort the rows, or name another clock ({given_time})",
                         given_time = TIME.to("COLUMN")
@@ -47,9 +47,9 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                     &name,
                     (
                         clock.repeated as f64 / rows,
-                        format!("{} rows have the stamp of the row above, and are left out", clock.repeated),
+                        format!("{} rows repeat the stamp of the row above, and are left out", clock.repeated),
                     ),
-                    format!("{given_dt} counts rows in the place of stamps", given_dt = DT.to("SECONDS")),
+                    format!("{given_dt} counts rows instead of stamps", given_dt = DT.to("SECONDS")),
                 ));
             }
         }
@@ -153,7 +153,7 @@ impl Periods {
                 (
                     bursts,
                     format!(
-                        "{:.1} % of the rows come within a tenth of the median period after another",
+                        "{:.1} % of the rows follow the row above within a tenth of the median period",
                         100.0 * bursts
                     ),
                 ),
@@ -164,7 +164,7 @@ impl Periods {
             findings.push(Finding::new(
                 Fault::Dropped,
                 place,
-                (dropped, format!("{:.2} % of the rows are missing between others", 100.0 * dropped)),
+                (dropped, format!("{:.2} % of the rows are missing", 100.0 * dropped)),
                 format!(
                     "{PREPARE} resamples; {given_max_gap} ends an episode there",
                     given_max_gap = MAX_GAP.to("SECONDS")
