@@ -119,8 +119,8 @@ fn nothing_is_claimed_of_a_log_of_noise() {
     }
     fs::write(path.join("noise.csv"), text).unwrap();
     let shown = fleetfoot(path, &["auto", "noise.csv", "--effort", "low"]).ok();
-    assert!(shown.out.starts_with("WARNING: no model beats the mean"), "{}", shown.out);
-    assert!(shown.err.contains("no input was found"), "{}", shown.err);
+    assert!(shown.out.starts_with("WARNING: no model has a held-out error below that of the mean"), "{}", shown.out);
+    assert!(shown.err.contains("no column looks like an input"), "{}", shown.err);
     // A log of one column of text has no state.
     fs::write(path.join("text.csv"), "t,a\n0.0,x\n0.1,y\n0.2,x\n").unwrap();
     fleetfoot(path, &["auto", "text.csv", "--dt", "0.1", "-o", "other"]).fails(&["--states"]);

@@ -107,7 +107,7 @@ pub(crate) fn drafted(
         Some(draft) => merged(recipe, draft),
         None if infos.iter().any(|info| !info.topics.is_empty()) => {
             return Err(Error::missing(format!(
-                "these logs have no odometry, joints or attitude that a draft knows: {INIT} lists their fields; name states and inputs there (-c), or with {STATES} and {INPUTS}"
+                "these logs have no odometry, joints or attitude that a draft recognises: {INIT} lists their fields; name states and inputs there (-c), or with {STATES} and {INPUTS}"
             )));
         }
         None => of_table(recipe, logs, &infos, notes, progress)?,
@@ -122,7 +122,7 @@ pub(crate) fn drafted(
     notes
         .push(format!("states by names and motion: {}; {STATES} chooses others", names(draft.states.keys().collect())));
     notes.push(match draft.inputs.is_empty() {
-        true => format!("no input was found: the model moves by itself; {INPUTS} names what drives the machine"),
+        true => format!("no column looks like an input, so the model has none; {INPUTS} names the columns that drive the machine"),
         false => format!("inputs: {}; {INPUTS} chooses others", names(draft.inputs.keys().collect())),
     });
     Ok(draft)
@@ -184,7 +184,7 @@ fn of_table(
             Part::Input if recipe.inputs.is_empty() => {
                 found.inputs.insert(name.clone(), Input::Table(InputTable::default()));
             }
-            Part::Input => left_out.push(format!("`{name}` (an input by its name or motion, and others are named)")),
+            Part::Input => left_out.push(format!("`{name}` (an input by its name or motion, but other inputs are named)")),
             Part::LeftOut(why) => left_out.push(format!("`{name}` ({why})")),
         }
     }
@@ -195,7 +195,7 @@ fn of_table(
             found.states.shift_remove(name);
             found.inputs.insert(name.clone(), Input::Table(InputTable::default()));
             notes.push(format!(
-                "`{name}` is an input: its past tells of the next rows of others, and theirs tells nothing of it; {STATES} makes it a state"
+                "`{name}` is an input: its past predicts other columns, and their past does not predict it; {STATES} makes it a state"
             ));
         }
     }

@@ -146,7 +146,7 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     let mut recipe = draft::drafted(recipe, logs, &mut notes, progress)?;
     if is_known(&recipe) && recipe.parameters.is_empty() {
         return Err(Error::conflict(format!(
-            "all states of the recipe are given: nothing is to be fitted; {FIT_SINDY} writes the model as it is"
+            "all states of the recipe are known, so there is nothing to fit; {FIT_SINDY} writes the model as it is"
         )));
     }
     progress.stage("check");
@@ -267,10 +267,10 @@ impl Search<'_> {
         }
         if !noisy.is_empty() {
             let tried = match view.rows() <= candidates::smoothed_rows(self.recipe.auto.effort.unwrap_or_default()) {
-                true => "equations of smoothed states are tried too, and simulated against rows as they were measured"
+                true => "equations of smoothed states are tried too, and simulated against the measured rows"
                     .to_owned(),
                 false => format!(
-                    "the effort does not bear to smooth {} rows; {} does, up to 20,000",
+                    "this effort does not smooth {} rows; {} smooths up to 20,000",
                     view.rows(),
                     EFFORT.to("high")
                 ),

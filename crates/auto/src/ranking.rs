@@ -92,9 +92,9 @@ impl Ranking {
                     let times = error / found.least().unwrap_or(f64::NAN);
                     let reason = match times.is_finite() {
                         true => {
-                            format!("on rows that trained it it errs {} times as much as the best before", ratio(times))
+                            format!("its error on training rows is {} times that of the best candidate before it", ratio(times))
                         }
-                        false => "simulations of rows that trained it diverge".to_owned(),
+                        false => "simulations of its training rows diverge".to_owned(),
                     };
                     found.add(trial, Some(tried), &[], Some(reason));
                 }

@@ -21,7 +21,7 @@ const MARGIN: f64 = 1.1;
 pub(crate) fn warning(found: &Auto, unbeaten: Option<&str>) -> Option<String> {
     if let Some(unbeaten) = unbeaten {
         return Some(format!(
-            "no model beats {unbeaten} on held-out rows beyond the standard error: the model that is written predicts no more than that; record more motion, or name other states and inputs ({STATES}, {INPUTS})"
+            "no model has a held-out error below that of {unbeaten} by more than the standard error, so the written model predicts no better; record more motion, or name other states and inputs ({STATES}, {INPUTS})"
         ));
     }
     type Other = fn(&TestedState) -> f64;
@@ -34,7 +34,7 @@ pub(crate) fn warning(found: &Auto, unbeaten: Option<&str>) -> Option<String> {
     names.into_iter().find_map(|(name, limit, other)| {
         worse(other, limit).map(|own| {
             format!(
-                "on the test rows the model errs {} times as much as {name}: it was chosen on other rows, and these differ; record longer",
+                "the test error of the model is {} times that of {name}: the test rows differ from the rows that chose it; record longer",
                 ratio(own)
             )
         })
@@ -61,11 +61,11 @@ fn good(found: &Auto) -> String {
     let persistence = found.mean_ratio(|own| own.persistence).unwrap_or(f64::NAN);
     let linear = match found.mean_of(|own| own.linear.unwrap_or(f64::NAN) / own.persistence) {
         _ if found.candidates[found.chosen].name == LINEAR => " It is the linear model.".to_owned(),
-        Some(linear) => format!(" The linear model errs {} times as much as persistence.", ratio(linear)),
+        Some(linear) => format!(" The linear model has {} times the error of persistence.", ratio(linear)),
         None => String::new(),
     };
     format!(
-        "How good: simulations of {over} on the test rows err {} times as much as persistence, in the mean over the states.{linear}",
+        "How good: simulations of {over} on the test rows have {} times the error of persistence, in the mean over the states.{linear}",
         ratio(persistence)
     )
 }

@@ -57,7 +57,7 @@ impl AutoOutput {
         };
         if !self.force {
             return Err(Error::output(format!(
-                "{folder}: there is a folder already; name another one (-o), or replace it with {FORCE}"
+                "{folder} exists already; name another folder (-o), or replace it with {FORCE}"
             )));
         }
         for entry in entries {

@@ -45,7 +45,7 @@ def test_names_choose_states_and_inputs():
 def test_noise_is_told():
     noise = np.random.default_rng(0).normal(size=(2, 400))
     table = {"t": np.arange(400) * 0.01, "a": noise[0], "b": noise[1]}
-    with pytest.warns(UserWarning, match="no model beats"):
+    with pytest.warns(UserWarning, match="no model has a held-out error below"):
         found = ff.auto(ff.open(table, t="t"), effort="low")
-    assert found.warning.startswith("no model beats")
+    assert found.warning.startswith("no model has a held-out error below")
     assert str(found).startswith("WARNING")
