@@ -65,7 +65,7 @@ pub(crate) fn collect(name: &str, parts: &[Bound<'_, PyAny>]) -> PyResult<(Schem
         }
         // A stream may compute its batches on threads of its own that need the interpreter.
         let read = part.py().detach(|| reader.collect::<Result<Vec<_>, ArrowError>>());
-        batches.extend(read.map_err(|error| Kind::Data.error(format!("{name}: the Arrow stream fails: {error}")))?);
+        batches.extend(read.map_err(|error| Kind::Data.error(format!("{name}: the Arrow stream failed: {error}")))?);
     }
     match schema {
         Some(schema) => Ok((schema, batches)),

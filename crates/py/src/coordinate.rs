@@ -121,7 +121,7 @@ impl Problems {
             "aic" => 0,
             "bic" => 1,
             "ebic" => 2,
-            other => return Err(Kind::Request.error(format!("the criterion is {other:?}: aic, bic or ebic"))),
+            other => return Err(Kind::Request.error(format!("criterion={other:?}: give \"aic\", \"bic\" or \"ebic\""))),
         };
         run_any(py, None, |_| {
             let penalty = penalty(problem.columns(), positive);

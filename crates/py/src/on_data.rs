@@ -272,7 +272,7 @@ pub(crate) fn filter<'py>(
                 ensure_memory(
                     2 * bytes,
                     "the estimates of all rows (keep=True)",
-                    "leave keep away, write them to a file (output=), or filter in parts",
+                    "leave keep out, write them to a file (output=), or filter in parts",
                 )?;
                 match kept.last_mut().filter(|_| rows.first() > 0) {
                     Some(before) => FilteredRows::extend(before, rows),

@@ -172,7 +172,7 @@ fn set_time(stepper: &Stepper, points: &mut Points, t: Option<&Bound<'_, PyAny>>
     let Some(t) = Floats::or_none(t, "t")? else {
         return match stepper.uses_time() {
             true => Err(Kind::Model.error(
-                "t is missing: the model's equations speak of time; give seconds since the start of the episode",
+                "t is missing: the model's equations contain time; give seconds since the start of the episode",
             )),
             false => Ok(()),
         };

@@ -79,7 +79,7 @@ impl Passing {
             return match (self.substeps, self.rtol.is_some() || self.atol.is_some()) {
                 (_, true) => refused(
                     &format!("rtol and atol with method={:?}: its steps are of fixed length", self.method),
-                    "leave them away, or take method='rk45'",
+                    "leave them out, or take method='rk45'",
                 ),
                 (Some(0), _) => refused("substeps=0", "give 1 or more"),
                 (substeps, _) => Ok(Integration::Fixed { method, substeps }),

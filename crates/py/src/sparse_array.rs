@@ -31,7 +31,7 @@ impl SparseRows {
         let part = |name: &str| Array::of(&object.getattr(name)?, what);
         let (_, columns): (usize, usize) = object.getattr("shape")?.extract()?;
         let (starts, places, values) = (part("indptr")?, part("indices")?, part("data")?);
-        let broken = |how: &str| Kind::Data.error(format!("{what} is no valid sparse matrix: {how}"));
+        let broken = |how: &str| Kind::Data.error(format!("{what} is not a valid sparse matrix: {how}"));
         let starts = starts.integers(0, 0..starts.rows()).unwrap_or_default();
         let starts: Option<Vec<usize>> = starts.into_iter().map(|start| usize::try_from(start).ok()).collect();
         let starts = starts.ok_or_else(|| broken("a row begins before the first value"))?;

@@ -181,7 +181,7 @@ pub(crate) fn sr3(
         "l1" => Regularizer::L1,
         "l2" => Regularizer::L2,
         other => {
-            return Err(Kind::Request.error(format!("regularizer is {other:?}: it is \"l0\", \"l1\" or \"l2\"")));
+            return Err(Kind::Request.error(format!("regularizer={other:?}: give \"l0\", \"l1\" or \"l2\"")));
         }
     };
     let each: Vec<(Sr3, Terms)> = (0..design.of().targets())

@@ -282,7 +282,7 @@ def _clocked(run: Any, stamps: Any, has_clock: bool) -> tuple[Any, tuple[str, st
     elif values is not None:
         columns: dict[Any, Any] = {tuple(names): array for array, names in _parts("source", run)}
         if any("t" in names for names in columns):
-            raise ValueError("t: there is a column `t` already; give its name, t='t', or leave the array away")
+            raise ValueError("t: there is a column `t` already; give its name, t='t', or leave the array out")
         run = {**columns, ("t",): values}
     if values is None or (index is not None and has_clock):
         return run, None

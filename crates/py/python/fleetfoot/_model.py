@@ -476,7 +476,7 @@ class Model(OnRecordings, Filtering, Regulated):
         """Refuses options that a closed loop does not support."""
         if interpolate:
             raise ModelError(
-                "interpolate=True with u(t, x): a closed loop holds its inputs; leave interpolate away, or give u(t)"
+                "interpolate=True with u(t, x): a closed loop holds its inputs; leave interpolate out, or give u(t)"
             )
         if self._core.ahead():
             raise ModelError(

@@ -160,7 +160,7 @@ def _known(given: Any, effective: set[str]) -> None:
             continue
         value = getattr(given, name, parameter.default)
         if not (value is parameter.default or _same(value, parameter.default)):
-            raise _refused(given, f"with {name}={value!r} is not supported", _MENDS.get(name, f"leave {name} away"))
+            raise _refused(given, f"with {name}={value!r} is not supported", _MENDS.get(name, f"leave {name} out"))
 
 
 def _same(value: Any, default: Any) -> bool:

@@ -227,7 +227,7 @@ class SINDy(Identifier):
 
     def _own_recipe(self) -> dict[str, Any]:
         if self.discrete_time and self.target not in (None, "next"):
-            raise RequestError(f"discrete_time=True predicts next values, target={self.target!r} not; leave one away")
+            raise RequestError(f"discrete_time=True predicts next values, and target={self.target!r} does not; leave one of them out")
         model = _recipe.said(
             predict="next" if self.discrete_time else self._said("target"),
             partition=partition(self._said("partition")),

@@ -450,7 +450,7 @@ def scan(
     labels = [keys] if isinstance(keys, str) else list(keys)
     if isinstance(plan, Plan):
         if chunk_rows is not None:
-            raise ValueError("chunk_rows: the plan has its own; leave it away, or give it to Plan")
+            raise ValueError("chunk_rows: the plan has its own; leave it out, or give it to Plan")
         dataset = open_data(data)
         with reporting(progress) as callback:
             core, skipped, notes = plan._core.scan_with(dataset._core, labels, False, callback)

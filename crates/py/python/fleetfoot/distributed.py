@@ -260,7 +260,7 @@ def _cluster(client: Any, backend: str | None) -> Cluster:
         raise ValueError(f"backend = {backend!r}: give 'dask' or 'ray'")
     is_ray = client is not None and getattr(client, "__name__", None) == "ray"
     if client is not None and backend is not None and is_ray != (backend == "ray"):
-        raise ValueError(f"backend = {backend!r} and client = {client!r} are of two clusters; leave one of them away")
+        raise ValueError(f"backend = {backend!r} and client = {client!r} belong to two clusters; leave one of them out")
     if is_ray or backend == "ray" or (client is None and backend is None and _ray_is_up()):
         return _Ray()
     return _Dask(client)
