@@ -505,10 +505,10 @@ fn slips_are_told_with_their_mend() {
     assert!(method.err.contains("fleetfoot fit pwa"), "{}", method.err);
     let fit = ["fit", "pwa", "log.csv", "--states", "x", "--inputs", "u", "-p", "average"];
     run(&[&fit[..], &["-o", "-"]].concat()).fails(&["-: cannot", "/dev/stdout"]);
-    run(&[&fit[..], &["-o", "unit.toml"]].concat()).fails(&["unit.toml", "a recipe already"]);
+    run(&[&fit[..], &["-o", "unit.toml"]].concat()).fails(&["unit.toml", "a recipe has this name"]);
     // What a command makes again is replaced, and a note says so.
     assert!(!run(&[&fit[..], &to].concat()).ok().err.contains("replaces"));
-    assert!(run(&[&fit[..], &to].concat()).ok().err.contains("note: model.json is there: the result replaces it"));
+    assert!(run(&[&fit[..], &to].concat()).ok().err.contains("note: model.json exists; the result replaces it"));
     let export = ["export", "model.json", "--to", "c", "-o", "c"];
     assert!(!run(&export).ok().err.contains("replaced"));
     assert!(run(&export).ok().err.contains("was there and is replaced"));

@@ -228,7 +228,7 @@ fn maps_that_meet_tell_what_it_costs() {
     // The log's acceleration jumps.
     assert!(number(&own["loss"]) > 10.0 * number(&own["continuity"]["loss_apart"]), "{fitted:#}");
     let told = run(&["refined:2", "--continuous"]).ok().out;
-    assert!(told.contains("loss apart") && told.contains("the maps meet at 1 border to"), "{told}");
+    assert!(told.contains("loss apart") && told.contains("the maps meet at 1 border within"), "{told}");
     run(&["labels:mode", "--continuous"]).fails(&["labels:mode", "linear borders"]);
     run(&["refined:2", "--continuous", "--objective", "steps:5"]).fails(&["steps:5", "--continuous"]);
     fleetfoot(folder.path(), &["scan", "-c", "robot.toml", "runs", "--partition", "refined:2", "-o", "run.stats"]).ok();

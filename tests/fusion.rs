@@ -464,7 +464,7 @@ fn poses_that_are_none_are_left_out() {
     }
     write_wrong(&path.join("run.mcap"), SHORT, &as_is, &early);
     let said = prepare(path, RECIPE, &[]).ok();
-    assert!(said.out.contains("before, between or beyond what the sensors tell"), "{}", said.out);
+    assert!(said.out.contains("before, between or after the sensors' readings"), "{}", said.out);
 }
 
 #[test]

@@ -221,7 +221,7 @@ fn what_a_person_should_look_at_is_told() {
     write(&|row, x| if (1000..1030).contains(&row) { x + 0.5 } else { x });
     let out = said(&[]).ok().out;
     assert!(
-        out.contains("of 30 rejected values up to 30 follow one another: a burst") && out.contains("--reject 0"),
+        out.contains("up to 30 of 30 rejected values are consecutive: a burst") && out.contains("--reject 0"),
         "{out}"
     );
     let hung = std::cell::Cell::new(0.0);
@@ -235,11 +235,11 @@ fn what_a_person_should_look_at_is_told() {
     let out = said(&[]).ok().out;
     assert!(out.contains("200 values repeated before a jump") && out.contains("--stuck 5"), "{out}");
     let out = said(&["--stuck", "5"]).ok().out;
-    assert!(!out.contains("repeated before a jump") && !out.contains("follow one another"), "{out}");
+    assert!(!out.contains("repeated before a jump") && !out.contains("are consecutive"), "{out}");
     // What rests has no noise, which is another thing than a curve that takes noise for motion.
     write(&|_, _| 1.5);
     let out = said(&[]).ok().out;
-    assert!(out.contains("without noise, at rest") && !out.contains("goes through every value"), "{out}");
+    assert!(out.contains("has no noise, is at rest") && !out.contains("interpolates every sample"), "{out}");
     fs::remove_dir_all(path.join("clean")).expect("a folder");
     said(&["--min-rows", "5000"]).fails(&["long enough"]);
     assert!(!path.join("clean").exists());

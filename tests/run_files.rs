@@ -217,5 +217,5 @@ fn a_recipe_for_the_files_of_runs_is_drafted() {
         late.lines().map(|line| if line == "t,u" { line.into() } else { format!("9{line}") }).collect();
     fs::write(folder.join("runs/run_0/cmd.csv"), late.join("\n")).unwrap();
     let said = fleetfoot(folder, &["init", "runs/run_0"]).ok();
-    assert!(!said.out.contains("[files]") && said.err.contains("whose clocks overlap"), "{}", said.err);
+    assert!(!said.out.contains("[files]") && said.err.contains("overlapping clocks"), "{}", said.err);
 }

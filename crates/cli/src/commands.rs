@@ -97,11 +97,11 @@ impl Context {
         for output in outputs.iter().filter(|output| is_replaced(output)) {
             if output.extension().is_some_and(|ending| ending == "toml") {
                 return Err(Error::output(format!(
-                    "{}: there is a recipe already, which results would replace: name another file, or remove this one",
+                    "{}: a recipe has this name, and the results would replace it: name another file, or remove the recipe",
                     output.display()
                 )));
             }
-            self.say(format!("note: {} is there: the result replaces it", output.display()));
+            self.say(format!("note: {} exists; the result replaces it", output.display()));
         }
         Ok(())
     }

@@ -84,9 +84,9 @@ fn set_point(made: &ControllerFile) -> String {
     let states: Vec<String> = point.states.iter().map(named).collect();
     let inputs: Vec<String> = point.inputs.iter().map(named).collect();
     let place = match (&point.region, point.at_rest) {
-        (Some(region), _) => format!("region {region} rests there"),
-        (None, true) => "the model rests there".to_owned(),
-        (None, false) => "the model does not rest there".to_owned(),
+        (Some(region), _) => format!("an equilibrium of region {region}"),
+        (None, true) => "an equilibrium of the model".to_owned(),
+        (None, false) => "no equilibrium of the model".to_owned(),
     };
     format!("set point: {}; {}; {place}", states.join(", "), inputs.join(", "))
 }
@@ -137,7 +137,7 @@ fn further_gains(
 }
 
 fn certificates(made: &ControllerFile) -> String {
-    let mut text = "radius: what the closed loop keeps of an error from sample to sample; residual: of the Riccati equation, relative to its solution".to_owned();
+    let mut text = "radius: factor on an error from sample to sample in the closed loop; residual: of the Riccati equation, relative to its solution".to_owned();
     for own in made.regions.iter().filter(|own| !own.unreached.is_empty()) {
         text +=
             &format!("\nregion {} is not stabilisable: no input reaches {}", own.region, own.unreached.join(" and "));

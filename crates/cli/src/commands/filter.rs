@@ -33,14 +33,14 @@ pub(crate) fn filter(arguments: &Filter, context: &Context) -> Result<(), Error>
 fn to_text(filtered: &Filtered) -> String {
     let regions = match (filtered.regions, filtered.switching) {
         (1, _) => "one region".to_owned(),
-        (regions, FilterSwitching::State) => format!("{regions} regions, by where the state is"),
+        (regions, FilterSwitching::State) => format!("{regions} regions, by the region of the state"),
         (regions, FilterSwitching::Transitions) => format!("{regions} regions, by counted transitions"),
     };
     let mut text = format!(
         "{}, {} rows; {regions}; {}; process noise x {}{}; log-likelihood {} ({} a row)\n\n",
         count(filtered.episodes, "episode"),
         filtered.rows,
-        if filtered.exact { "exact steps" } else { "steps made linear about the mean" },
+        if filtered.exact { "exact steps" } else { "steps linearised at the mean" },
         number(filtered.process),
         match filtered.noise_rows {
             0 => String::new(),
@@ -93,8 +93,8 @@ fn percent(share: f64) -> String {
 fn squares(name: &str, own: &SquareReport) -> String {
     let verdict = match own {
         own if own.holds() => "consistent",
-        own if own.mean > own.high => "errors are larger than the filter says",
-        _ => "errors are smaller than the filter says",
+        own if own.mean > own.high => "errors larger than the filter's covariance",
+        _ => "errors smaller than the filter's covariance",
     };
     format!(
         "{name} {} a degree of freedom, 95 % band {}..{}: {verdict}; {} of {} rows in the 95 % band of a row",

@@ -185,7 +185,7 @@ fn plan_text(plan: &FitPlan) -> String {
 
 /// Result of a fit to simulations, printed above the table of candidates.
 pub(crate) fn refined_over_candidates(refinement: &Refinement) -> String {
-    format!("{}\nWhat follows compares models fitted one step ahead.\n\n", refinement.in_words())
+    format!("{}\nThe table below compares models fitted one step ahead.\n\n", refinement.in_words())
 }
 
 /// Errors one step ahead, on the spans that did not train, of the model that was fitted to simulations.
@@ -195,7 +195,7 @@ pub(crate) fn refined_held_out(refinement: &Refinement, targets: &[String]) -> S
         vec![name.clone(), number(rmse), ratio(r2)]
     };
     let rows = targets.iter().enumerate().map(row).collect();
-    table(&["held out, one step, of the model that is written", "RMSE", "R2"], rows)
+    table(&["held out, one step, of the written model", "RMSE", "R2"], rows)
 }
 
 /// Table of the candidates' rollout errors.

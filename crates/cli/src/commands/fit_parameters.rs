@@ -28,9 +28,9 @@ fn to_text(report: &ParametersReport) -> String {
     let header = ["parameter", "estimate", "95 % interval", "unit", ""];
     text.push_str(&format!("\n{}\n", table(&header, rows)));
     let of = match report.method {
-        EstimateMethod::EquationError => "what the equations leave",
+        EstimateMethod::EquationError => "the equation residuals",
         EstimateMethod::FilterError => "the innovations",
-        EstimateMethod::OutputError => "noise of the measurements",
+        EstimateMethod::OutputError => "the measurement noise",
     };
     let noise: Vec<String> = report.noise.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
     text.push_str(&format!("\nStandard deviation of {of}: {}{}\n", noise.join(", "), correlated(report)));
@@ -90,14 +90,14 @@ fn correlated(report: &ParametersReport) -> String {
 /// The method and what it went over.
 fn how(report: &ParametersReport) -> String {
     let Some([segments, missing]) = report.segments else {
-        return "equation error: the derivatives of the states row by row".to_owned();
+        return "equation error: derivatives of the states, row by row".to_owned();
     };
     let (name, corrected) = match report.method {
         EstimateMethod::FilterError => ("filter error", " and corrected by the measurements"),
         _ => ("output error", ""),
     };
     let left = if missing == 0 { String::new() } else { format!(", {missing} left out for missing values") };
-    format!("{name}: {}{left}, each from a beginning of its own{corrected}", count(segments, "segment"))
+    format!("{name}: {}{left}, each from an estimated initial state{corrected}", count(segments, "segment"))
 }
 
 fn row(own: &ParameterInterval) -> Vec<String> {

@@ -27,7 +27,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
         let candidates = &fitted[0].report.identification.candidates;
         let several = candidates.len() > 1 && !candidates.iter().any(|own| own.specification.fits_targets());
         (unsaid && several).then(|| {
-            "regions of k-means were tried; --partition refined:2,5,10 looks for regions that fit the dynamics, which takes several times as long".to_owned()
+            "only k-means regions were tried; --partition refined:2,5,10 fits regions to the dynamics and takes several times as long".to_owned()
         })
     })
 }
@@ -118,7 +118,7 @@ fn to_text(report: &PwaReport) -> String {
 fn continuity(score: &Score) -> String {
     score.continuity.map_or_else(String::new, |own| {
         format!(
-            "\n{}: the maps meet at {} to {} of a standard deviation, with {} free numbers a target",
+            "\n{}: the maps meet at {} within {} standard deviations, with {} free coefficients per target",
             score.specification,
             count(own.borders, "border"),
             number(own.jump),

@@ -113,7 +113,7 @@ pub(crate) fn horizon(recipe: &Recipe, steps: Option<u32>) -> Result<Option<usiz
     let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
     match steps {
         Some(steps) if !open => Err(Error::conflict(format!(
-            "--horizon {steps}: nothing is chosen by rollouts; add --derivative STATE=over:auto, or leave it away"
+            "--horizon {steps}: only a choice by rollouts uses it; add --derivative STATE=over:auto, or leave --horizon out"
         ))),
         _ => Ok(steps.map(|steps| steps as usize)),
     }

@@ -56,7 +56,7 @@ fn world(arguments: &Generate) -> Result<World, Error> {
     }
     if let Some(kind) = &arguments.excitation {
         if !world.excitable() {
-            usage(format!("--excitation {kind}: `{}` is driven by its controller alone", world.robot()));
+            usage(format!("--excitation {kind}: only the controller drives `{}`, so it has no excitation; leave --excitation out", world.robot()));
         }
         world.excite(kind)?;
     }
@@ -74,7 +74,7 @@ fn world(arguments: &Generate) -> Result<World, Error> {
 
 fn job(arguments: &Generate, world: World) -> Job {
     if arguments.speed.is_some() && world.speed_parameter().is_none() {
-        usage(format!("--speed: the world of `{}` has no speed that could be set", world.robot()));
+        usage(format!("--speed: the world of `{}` has no speed parameter; leave --speed out", world.robot()));
     }
     let Some(folder) = &arguments.output else { usage("give the folder of the logs: --output DIR") };
     let mut job = Job::new(world, folder);
@@ -84,7 +84,7 @@ fn job(arguments: &Generate, world: World) -> Job {
         None => {}
     }
     if arguments.no_truth && job.format == Format::Parquet {
-        usage("--no-truth: Parquet files have rows of truth and nothing else; give --format mcap");
+        usage("--no-truth: Parquet files hold only the true states; give --format mcap");
     }
     job.runs = arguments.runs;
     job.first_run = arguments.first_run;
@@ -107,7 +107,7 @@ fn notes(made: &Generated) -> Vec<String> {
     if !made.excitation.dependent.is_empty() {
         let which = some(&made.excitation.dependent);
         notes.push(format!(
-            "{which} never moved, or only with the others, in all runs together: no model can tell what they do"
+            "{which} never moved independently of the other inputs in any run, so no model can identify their effect"
         ));
     }
     notes

@@ -162,7 +162,7 @@ fn clock_text(clock: &ClockInfo) -> String {
     let beside = clock.beside.as_ref().map(|beside| format!(" and `{beside}`")).unwrap_or_default();
     let unit = match clock.unit {
         Some(unit) => format!(" in {}", unit.symbol()),
-        None if clock.is_open() => ", its unit is open".to_owned(),
+        None if clock.is_open() => ", unit unknown".to_owned(),
         None => ", dates".to_owned(),
     };
     let assumed = clock.assumed.as_ref().map(|assumed| format!(" (a guess: {assumed})")).unwrap_or_default();

@@ -55,7 +55,7 @@ fn recipe(files: &[PathBuf], arguments: &Init, context: &Context) -> Result<Stri
             return Ok(starter_recipe_of_runs(&found)?);
         }
         context.say(format!(
-            "note: the recipe is for {} and files like it: the {} files are not the files of runs, whose columns differ and whose clocks overlap",
+            "note: the recipe describes {} and files like it; the {} files are not parts of one run (different columns, overlapping clocks)",
             first.display(),
             files.len()
         ));

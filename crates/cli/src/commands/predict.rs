@@ -30,7 +30,7 @@ pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Erro
         Told { file: path.to_string(), written: &written },
         || {
             format!(
-                "wrote {path}: {} rows, {} with a prediction, {} of them with a measured target; {} outside what their region saw in training",
+                "wrote {path}: {} rows, {} with a prediction, {} of them with a measured target; {} outside the training range of their region",
                 written.rows, written.predicted, written.compared, written.outside_domain
             )
         },

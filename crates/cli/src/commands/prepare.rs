@@ -109,7 +109,7 @@ fn to_text(report: &PrepareReport) -> String {
         (report.episodes.iter().map(|episode| episode.clipped).sum::<usize>(), "clipped"),
         (
             report.episodes.iter().map(|episode| episode.untold.rows).sum(),
-            "before, between or beyond what the sensors tell",
+            "before, between or after the sensors' readings",
         ),
         (report.episodes.iter().map(|episode| episode.out_of_bounds.rows).sum(), "out of bounds"),
         (report.episodes.iter().map(|episode| episode.too_short.rows).sum(), "in pieces that are too short"),
@@ -166,7 +166,7 @@ fn body(own: &BodyReport) -> String {
         list(&own.imu_noise[0]),
         number(own.pose_noise[0]),
         number(own.pose_noise[1]),
-        if own.noise_fitted { "told by the residuals" } else { "as given" },
+        if own.noise_fitted { "estimated from the residuals" } else { "as given" },
     )
 }
 
@@ -176,7 +176,7 @@ fn told_noise(own: &BodyReport) -> String {
         let (values, deviations) = (own.reading_noise[which], own.reading_noise_deviation[which]);
         let axis = |(value, deviation): (&Option<f64>, &Option<f64>)| match (value, deviation) {
             (Some(value), Some(deviation)) => format!("{} +- {}", number(*value), number(*deviation)),
-            _ => "not told".into(),
+            _ => "unknown".into(),
         };
         let known = values.iter().flatten().count() > 0;
         known.then(|| format!("{} {unit}", values.iter().zip(&deviations).map(axis).collect::<Vec<_>>().join(", ")))
@@ -187,7 +187,7 @@ fn told_noise(own: &BodyReport) -> String {
     let walk = |which: usize, unit: &str| match own.imu_walk_deviation[which] {
         Some(0.0) => None,
         Some(deviation) => Some(format!("{} +- {} {unit}", number(own.imu_walk[which]), number(deviation))),
-        None => Some(format!("{} {unit} (the record does not tell it)", number(own.imu_walk[which]))),
+        None => Some(format!("{} {unit} (not identifiable from this recording)", number(own.imu_walk[which]))),
     };
     let walks = [
         walk(0, "rad/s^2/sqrt(Hz)").map(|own| format!("bias of the rate {own}")),
@@ -305,7 +305,7 @@ const BURST: usize = 5;
 fn burst(of: &str, what: &str, all: usize, longest: &Places, mend: &str) -> Option<String> {
     (longest.longest >= BURST).then(|| {
         format!(
-            "{of}: of {all} {what} up to {} follow one another: a burst of errors, or motion that the curve does not follow, as an impact or a slip; --json has the places, {mend}\n",
+            "{of}: up to {} of {all} {what} are consecutive: a burst of errors, or motion that the curve does not follow (an impact, a slip); --json lists the places, {mend}\n",
             longest.longest
         )
     })
@@ -319,7 +319,7 @@ fn left_out(report: &PrepareReport) -> String {
     let of_body = report.body.iter().flat_map(|body| {
         let positions = || body.rejected.iter().map(|log| &log.positions);
         let attitudes = || body.rejected.iter().map(|log| &log.attitudes);
-        let mend = "gate = 0 of [body] leaves out none";
+        let mend = "gate = 0 in [body] keeps all readings";
         [
             burst("body", "positions left out", rows(&mut positions()), &most(&mut positions()), mend),
             burst("body", "attitudes left out", rows(&mut attitudes()), &most(&mut attitudes()), mend),
@@ -327,7 +327,7 @@ fn left_out(report: &PrepareReport) -> String {
     });
     let of_joints = report.joints.iter().flat_map(|joint| joint.sensors.iter().map(move |sensor| (joint, sensor)));
     let of_joints = of_joints.map(|(joint, sensor)| {
-        let mend = format!("gate = 0 of [joint.{}] leaves out none", joint.joint);
+        let mend = format!("gate = 0 in [joint.{}] keeps all readings", joint.joint);
         let (all, longest) = (rows(&mut sensor.rejected.iter()), most(&mut sensor.rejected.iter()));
         burst(&format!("`{}` of {}", sensor.sensor, joint.joint), "readings left out", all, &longest, &mend)
     });
@@ -343,21 +343,21 @@ fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
     let through_all = pieces(|piece| piece.through_all);
     if through_all > 0 {
         doubts.push(format!(
-            "`{channel}`: the curve goes through every value in {}, and nothing is rejected: either there is no noise, or samples are too far apart to tell noise from motion, and deviations are too small then; compare with --method quintic, or give --lambda\n",
+            "`{channel}`: the spline interpolates every sample in {} and rejects none: either the channel has no noise, or its samples are too far apart to separate noise from motion, and the deviations are too small; compare with --method quintic, or give --lambda\n",
             count(through_all, "piece")
         ));
     }
     let gave_up = pieces(|piece| piece.gave_up && !piece.through_all);
     if gave_up > 0 {
         doubts.push(format!(
-            "`{channel}`: nothing was rejected in {}: what lies off the curve is motion, jumps of it, or too much; --hampel finds single gross errors\n",
+            "`{channel}`: no sample was rejected in {}: samples off the curve are motion, jumps, or too many; --hampel removes single gross errors\n",
             count(gave_up, "piece")
         ));
     }
     let at_end = pieces(|piece| piece.lambda_at_end && !piece.through_all);
     if at_end > 0 {
         doubts.push(format!(
-            "`{channel}`: the penalty is at an end of what was searched in {}: the channel is without noise, at rest, or a polynomial; give --lambda\n",
+            "`{channel}`: the smoothing penalty is at an end of its search range in {}: the channel has no noise, is at rest, or is a polynomial; give --lambda\n",
             count(at_end, "piece")
         ));
     }

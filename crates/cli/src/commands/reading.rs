@@ -8,7 +8,7 @@ use crate::table::{bytes, count};
 pub(super) fn reading(plan: &ReadPlan, skipped: usize) -> String {
     let skipped = match skipped {
         0 => String::new(),
-        number => format!(" ({number} more are there already)"),
+        number => format!(" ({number} more exist already)"),
     };
     let episodes = plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode")));
     let decoded = match plan.decoded {

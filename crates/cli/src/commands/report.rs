@@ -91,7 +91,7 @@ fn told(path: &Path) -> Result<Value, Error> {
     let text = std::fs::read(path).map_err(unread)?;
     serde_json::from_slice(&text).map_err(|error| {
         let path = path.display();
-        Error::value(format!("{path} is no JSON ({error}): give what a fit told with --json"))
+        Error::value(format!("{path} is not JSON ({error}): give the output of a fit with --json"))
     })
 }
 

@@ -79,7 +79,7 @@ fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
         .is_ok_and(|own| own.pwa.stable.is_some() || own.pwa.passive.is_some());
     (several && !bounded && diverged > 0 && 100 * diverged >= all).then(|| {
         format!(
-            "{diverged} of {all} rollouts diverged: what stays in a region whose map grows runs away. `fit pwa --stable` bounds the maps of all regions, and regions that fit the dynamics (--partition refined:10, tree:4) simulate more truly than clusters; `--outside hold` keeps regressors within what their region saw"
+            "{diverged} of {all} rollouts diverged: a region whose map has a gain above 1 amplifies every error. `fit pwa --stable` bounds the maps of all regions; regions fitted to the dynamics (--partition refined:10, tree:4) simulate more accurately than clusters; `--outside hold` keeps regressors within the training range of their region"
         )
     })
 }
@@ -165,7 +165,7 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> Stri
         Outside::Hold => " and were held at its border",
     };
     format!(
-        "{} from {}; {} starts left out for missing values; {} diverged, {} met an unknown label, {} left the training domain{outside}\n{}\n{}\n{}\n{}",
+        "{} from {}; {} starts left out for missing values; {} diverged, {} stopped at an unknown label, {} left the training range{outside}\n{}\n{}\n{}\n{}",
         count(rollouts.outcomes.len(), "rollout"),
         count(rolled.episodes, "episode"),
         rollouts.missing,

@@ -65,7 +65,7 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
         context.say(format!("skipped {skipped}"));
     }
     if outcome.resumed {
-        context.say("went on where the same command was stopped");
+        context.say("continued the scan that was stopped");
     }
     let file = arguments.output.display().to_string();
     context.print(Told { file, scanned: outcome.to_json() }, || to_text(&outcome));

@@ -114,7 +114,7 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
     let mut text = format!(
         "{} rows of {} scored; {} at borders, {} with missing values, {} without a finite prediction\n{}\n{}\n\
          Mahalanobis score {} (under the covariance of these targets {})\n\
-         outside what their region saw in training: {:.1} % of rows; outside all of training: {:.1} %",
+         outside the training range of their region: {:.1} % of rows; outside the whole training range: {:.1} %",
         scores.rows,
         count(scored.episodes, "episode"),
         skipped.border,

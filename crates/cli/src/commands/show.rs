@@ -15,7 +15,7 @@ pub(crate) fn show(arguments: &Show, context: &Context) -> Result<(), Error> {
     } else if arguments.transitions {
         let missing = || {
             Error::missing(format!(
-                "{}: no transitions were counted for this model; those of `fit pwa --partition refined:K`, `lattice:K` and `tree:DEPTH` carry them, and those of all partitions with --phase",
+                "{}: this model has no counted transitions; fit it by `fit pwa --partition refined:K`, `lattice:K` or `tree:DEPTH`, or with any partition and --phase",
                 arguments.model.display()
             ))
         };

@@ -37,7 +37,7 @@ fn info(arguments: &StatsInfo, context: &Context) -> Result<(), Error> {
         text
     });
     if file.is_partial() {
-        context.say("note: this is what an interrupted scan has left; the same scan goes on from it");
+        context.say("note: an interrupted scan left this file; the same scan command continues from it");
     }
     Ok(())
 }
