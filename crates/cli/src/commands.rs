@@ -107,9 +107,9 @@ impl Context {
     }
 
     /// Results go to standard output.
-    pub(crate) fn print(&self, told: impl Serialize, text: impl FnOnce() -> String) {
+    pub(crate) fn print(&self, report: impl Serialize, text: impl FnOnce() -> String) {
         if self.json {
-            write_out(&format!("{:#}\n", tree(told)));
+            write_out(&format!("{:#}\n", tree(report)));
         } else {
             write_out(&format!("{}\n", text().trim_end()));
         }
@@ -187,6 +187,6 @@ pub(crate) struct Files<'a> {
 }
 
 /// JSON tree of a report; numbers that are not finite become `null`.
-fn tree(told: impl Serialize) -> Value {
-    serde_json::to_value(told).expect("keys and paths are text, and nothing else can fail in memory")
+fn tree(report: impl Serialize) -> Value {
+    serde_json::to_value(report).expect("keys and paths are text, and nothing else can fail in memory")
 }

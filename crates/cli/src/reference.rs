@@ -30,11 +30,11 @@ fn page() -> String {
 
 /// The sections of the commands below one, those of their own commands behind each.
 fn sections(text: &mut String, command: &Command) {
-    for own in command.get_subcommands().filter(|own| !own.is_hide_set()) {
-        if own.has_subcommands() {
-            sections(text, own);
+    for subcommand in command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set()) {
+        if subcommand.has_subcommands() {
+            sections(text, subcommand);
         } else {
-            section(text, own);
+            section(text, subcommand);
         }
     }
 }
@@ -56,7 +56,8 @@ fn section(text: &mut String, command: &Command) {
 /// An item an argument, below the headings of their groups: name, meaning, possible values, default.
 fn listed<'a>(text: &mut String, arguments: impl Iterator<Item = &'a Arg>) {
     let mut heading = None;
-    for argument in arguments.filter(|own| !own.is_hide_set() && !["help", "version"].contains(&own.get_id().as_str()))
+    for argument in
+        arguments.filter(|option| !option.is_hide_set() && !["help", "version"].contains(&option.get_id().as_str()))
     {
         let group = help::heading(argument);
         if let Some(group) = group.filter(|_| group != heading) {

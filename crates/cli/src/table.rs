@@ -4,9 +4,9 @@ use comfy_table::{CellAlignment, Table, presets};
 pub(crate) use fleetfoot::report::words::{bytes, count, number, ratio, seconds};
 
 /// A table that pages have too, below its sentence.
-pub(crate) fn text_table(told: &fleetfoot::TextTable) -> String {
-    let caption = if told.caption.is_empty() { String::new() } else { format!("{}\n", told.caption) };
-    caption + &table(&told.header, told.rows.clone())
+pub(crate) fn text_table(content: &fleetfoot::TextTable) -> String {
+    let caption = if content.caption.is_empty() { String::new() } else { format!("{}\n", content.caption) };
+    caption + &table(&content.header, content.rows.clone())
 }
 
 /// A table without lines: the first column to the left, the others to the right.

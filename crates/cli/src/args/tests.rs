@@ -28,7 +28,7 @@ fn values(argument: &clap::Arg) -> [String; 2] {
 /// Every entry of a method's settings is an entry of its section and a flag of its command; the flag stands above the recipe, and the recipe above nothing.
 fn walk<S: Settings>(command: &[&str], of: fn(&Command) -> Option<&S>) {
     let told = S::augment_args(clap::Command::new("settings"));
-    let mut found = Vec::new();
+    let mut fields = Vec::new();
     for argument in told.get_arguments() {
         let entry = argument.get_id().as_str();
         let flag = |value: &str| -> S {
@@ -49,9 +49,9 @@ fn walk<S: Settings>(command: &[&str], of: fn(&Command) -> Option<&S>) {
         assert_eq!(*S::of(&mut recipe), other, "{entry}: the recipe stands above the default");
         recipe.say(said.clone());
         assert_eq!(*S::of(&mut recipe), said, "{entry}: the flag stands above the recipe");
-        found.push(entry.to_owned());
+        fields.push(entry.to_owned());
     }
-    assert_eq!(found, S::ENTRIES, "[{}]", S::SECTION);
+    assert_eq!(fields, S::ENTRIES, "[{}]", S::SECTION);
 }
 
 #[test]

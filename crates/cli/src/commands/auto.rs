@@ -21,20 +21,20 @@ pub(crate) fn auto(arguments: &Arguments, context: &Context) -> Result<(), Error
     output.check(&read_by(&files, &arguments.recipe.recipe))?;
     let logs = Logs::from(&files);
     let bar = context.bar();
-    let found = find(&recipe, &logs, &bar);
+    let outcome = find(&recipe, &logs, &bar);
     bar.finish();
-    let found = found?;
+    let outcome = outcome?;
     // Also after a stop: what is done is written.
-    let written = unstoppable(|| found.write(&output, &logs, &fleetfoot::Silent))?;
-    if let (Some(warning), true) = (&found.warning, context.json) {
+    let written = unstoppable(|| outcome.write(&output, &logs, &fleetfoot::Silent))?;
+    if let (Some(warning), true) = (&outcome.warning, context.json) {
         context.say(format!("warning: {warning}"));
     }
-    if found.stopped {
-        let done = found.candidates.len();
+    if outcome.stopped {
+        let done = outcome.candidates.len();
         context.say(format!("note: stopped after {}: the best of them is written", count(done, "candidate")));
     }
-    context.notes(&found.notes);
-    context.print(found.to_json(), || to_text(&found, usize::MAX));
+    context.notes(&outcome.notes);
+    context.print(outcome.to_json(), || to_text(&outcome, usize::MAX));
     for path in &written {
         context.say(format!("wrote {}", path.display()));
     }
@@ -42,47 +42,48 @@ pub(crate) fn auto(arguments: &Arguments, context: &Context) -> Result<(), Error
 }
 
 /// The result for people, with so many of the best candidates beside those that all are compared with.
-pub(crate) fn to_text(found: &Auto, best: usize) -> String {
-    let mut text = found.warning.as_ref().map(|warning| format!("WARNING: {warning}\n\n")).unwrap_or_default();
-    for Finding { place, what, .. } in found.checked.iter().flat_map(|checked| &checked.findings) {
+pub(crate) fn to_text(outcome: &Auto, best: usize) -> String {
+    let mut text = outcome.warning.as_ref().map(|warning| format!("WARNING: {warning}\n\n")).unwrap_or_default();
+    for Finding { place, what, .. } in outcome.checked.iter().flat_map(|checked| &checked.findings) {
         text.push_str(&format!("check: {place}: {what}\n"));
     }
-    let folds = found.candidates.iter().map(|own| own.folds.len()).max().unwrap_or(0);
+    let folds = outcome.candidates.iter().map(|candidate| candidate.folds.len()).max().unwrap_or(0);
     text.push_str(&format!(
         "candidates: error of simulations of {} on rows that did not train, over that of persistence; mean and standard error of {folds} folds\n",
-        count(found.horizon.steps, "step")
+        count(outcome.horizon.steps, "step")
     ));
-    let mut ranked: Vec<usize> = (0..found.candidates.len()).collect();
-    let error = |&at: &usize| found.candidates[at].error.unwrap_or(f64::INFINITY);
+    let mut ranked: Vec<usize> = (0..outcome.candidates.len()).collect();
+    let error = |&at: &usize| outcome.candidates[at].error.unwrap_or(f64::INFINITY);
     ranked.sort_by(|a, b| error(a).total_cmp(&error(b)));
     ranked.truncate(best);
-    let is_shown = |at: &usize| *at == found.chosen || found.candidates[*at].coefficients == 0 || ranked.contains(at);
-    let shown: Vec<usize> = (0..found.candidates.len()).filter(|at| best == usize::MAX || is_shown(at)).collect();
-    let rows = shown.iter().map(|&at| row(&found.candidates[at], at == found.chosen));
+    let is_shown =
+        |at: &usize| *at == outcome.chosen || outcome.candidates[*at].coefficients == 0 || ranked.contains(at);
+    let shown: Vec<usize> = (0..outcome.candidates.len()).filter(|at| best == usize::MAX || is_shown(at)).collect();
+    let rows = shown.iter().map(|&at| row(&outcome.candidates[at], at == outcome.chosen));
     text.push_str(&table(&["candidate", "coefficients", "error", "+-", ""], rows.collect()));
-    match found.candidates.len() - shown.len() {
+    match outcome.candidates.len() - shown.len() {
         0 => {}
         left => text.push_str(&format!("\n  and {} more, with larger errors", count(left, "candidate"))),
     }
     text.push_str("\n\ntest: error of simulations on rows that neither fits nor the choice saw (root of the mean square; 95 % interval)\n");
-    text.push_str(&tested(found));
-    text.push_str(&equations(found));
+    text.push_str(&tested(outcome));
+    text.push_str(&equations(outcome));
     text.push('\n');
-    for sentence in &found.sentences {
+    for sentence in &outcome.sentences {
         text.push_str(&format!("\n{sentence}"));
     }
     text
 }
 
-fn row(own: &Candidate, chosen: bool) -> Vec<String> {
+fn row(candidate: &Candidate, chosen: bool) -> Vec<String> {
     let known = |value: Option<f64>| value.map_or_else(|| "-".into(), ratio);
-    let mark = match (&own.reason, chosen) {
+    let mark = match (&candidate.reason, chosen) {
         (_, true) => "<- chosen".to_owned(),
         (Some(reason), false) => shortened(reason),
         (None, false) => String::new(),
     };
-    let coefficients = if own.coefficients > 0 { own.coefficients.to_string() } else { "-".into() };
-    vec![own.name.clone(), coefficients, known(own.error), known(own.standard_error), mark]
+    let coefficients = if candidate.coefficients > 0 { candidate.coefficients.to_string() } else { "-".into() };
+    vec![candidate.name.clone(), coefficients, known(candidate.error), known(candidate.standard_error), mark]
 }
 
 /// Letters of a reason that stand in a table.
@@ -95,27 +96,27 @@ fn shortened(reason: &str) -> String {
     }
 }
 
-fn tested(found: &Auto) -> String {
+fn tested(outcome: &Auto) -> String {
     let known = |value: Option<f64>| value.map_or_else(|| "-".into(), number);
-    let rows = found.tested.iter().map(|own| {
+    let rows = outcome.tested.iter().map(|state| {
         vec![
-            own.state.clone(),
-            own.unit.clone().unwrap_or_default(),
-            number(own.rmse.value),
-            format!("{} to {}", number(own.rmse.low), number(own.rmse.high)),
-            known(own.linear),
-            number(own.persistence),
-            known(own.mean),
+            state.state.clone(),
+            state.unit.clone().unwrap_or_default(),
+            number(state.rmse.value),
+            format!("{} to {}", number(state.rmse.low), number(state.rmse.high)),
+            known(state.linear),
+            number(state.persistence),
+            known(state.mean),
         ]
     });
     table(&["state", "unit", "model", "interval", "linear", "persistence", "mean"], rows.collect())
 }
 
 /// The equations of a model that a screen holds.
-fn equations(found: &Auto) -> String {
-    let model = &found.model;
-    let regions = model.partitions.iter().map(|own| own.rule.count()).max().unwrap_or(1);
-    if regions > REGIONS || found.candidates[found.chosen].coefficients > COEFFICIENTS {
+fn equations(outcome: &Auto) -> String {
+    let model = &outcome.model;
+    let regions = model.partitions.iter().map(|partition| partition.rule.count()).max().unwrap_or(1);
+    if regions > REGIONS || outcome.candidates[outcome.chosen].coefficients > COEFFICIENTS {
         return String::new();
     }
     let text = describe(model, REGIONS);

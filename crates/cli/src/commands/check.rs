@@ -16,27 +16,27 @@ pub(crate) fn run(arguments: &Check, context: &Context) -> Result<(), Error> {
         recipe.cache = flags::cache(&arguments.time.channels, first);
     }
     let bar = context.bar();
-    let found = check(&recipe, &files, &bar);
+    let checked = check(&recipe, &files, &bar);
     bar.finish();
-    let found = found?;
-    context.notes(&found.notes);
-    context.print(&found, || to_text(&found));
-    match (arguments.strict, found.findings.len()) {
+    let checked = checked?;
+    context.notes(&checked.notes);
+    context.print(&checked, || to_text(&checked));
+    match (arguments.strict, checked.findings.len()) {
         (true, wrong) if wrong > 0 => Err(Error::value(format!("--strict: {} in these logs", count(wrong, "finding")))),
         _ => Ok(()),
     }
 }
 
-pub(crate) fn to_text(found: &Checked) -> String {
-    let rate = if found.period > 0.0 { format!(", {} Hz", number(1.0 / found.period)) } else { String::new() };
+pub(crate) fn to_text(checked: &Checked) -> String {
+    let rate = if checked.period > 0.0 { format!(", {} Hz", number(1.0 / checked.period)) } else { String::new() };
     let mut text = format!(
         "{}, {}, {} rows{rate}; {} looked at\n",
-        count(found.files, "file"),
-        count(found.episodes, "episode"),
-        found.rows,
-        count(found.channels.len(), "channel"),
+        count(checked.files, "file"),
+        count(checked.episodes, "episode"),
+        checked.rows,
+        count(checked.channels.len(), "channel"),
     );
-    let rows = found.channels.iter().map(|channel| {
+    let rows = checked.channels.iter().map(|channel| {
         let [least, most] = channel.range.map(number);
         vec![
             channel.name.clone(),
@@ -50,10 +50,10 @@ pub(crate) fn to_text(found: &Checked) -> String {
     });
     text.push_str(&table(&["channel", "unit", "least", "most", "deviation", "moves", "missing"], rows.collect()));
     text.push('\n');
-    for Finding { place, what, mend, .. } in &found.findings {
+    for Finding { place, what, mend, .. } in &checked.findings {
         text.push_str(&format!("\n{place}: {what}\n  -> {mend}"));
     }
-    text.push_str(&match found.findings.len() {
+    text.push_str(&match checked.findings.len() {
         0 => "\nNothing wrong was found.".to_owned(),
         wrong => format!("\n\n{}.", count(wrong, "finding")),
     });

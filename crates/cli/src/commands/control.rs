@@ -31,11 +31,15 @@ pub(crate) fn lqr(arguments: &ControlLqr, context: &Context) -> Result<(), Error
 }
 
 /// Gains of an input, those that are rounding beside the others as 0: what a state does, at its size.
-fn told_gains(made: &ControllerFile, gains: &[f64]) -> Vec<String> {
+fn gains_text(made: &ControllerFile, gains: &[f64]) -> Vec<String> {
     let sizes = made.law.sizes();
     let effects: Vec<f64> = gains.iter().zip(sizes).map(|(gain, size)| (gain * size).abs()).collect();
     let largest = effects.iter().copied().fold(0.0, f64::max);
-    gains.iter().zip(effects).map(|(&gain, own)| number(if own < ROUNDING * largest { 0.0 } else { gain })).collect()
+    gains
+        .iter()
+        .zip(effects)
+        .map(|(&gain, effect)| number(if effect < ROUNDING * largest { 0.0 } else { gain }))
+        .collect()
 }
 
 /// The set point, the law of every region, and what is known of it.
@@ -93,11 +97,11 @@ fn set_point(made: &ControllerFile) -> String {
 
 /// Regions and their laws in their order, at most so many, those with the most rows.
 fn largest(made: &ControllerFile, most: usize) -> Vec<(&LqrRecord, &RegionLaw)> {
-    let mut found: Vec<usize> = (0..made.regions.len().min(made.law.laws.len())).collect();
-    found.sort_by_key(|&region| Reverse(made.regions[region].rows));
-    found.truncate(most);
-    found.sort_unstable();
-    found.into_iter().map(|region| (&made.regions[region], &made.law.laws[region])).collect()
+    let mut order: Vec<usize> = (0..made.regions.len().min(made.law.laws.len())).collect();
+    order.sort_by_key(|&region| Reverse(made.regions[region].rows));
+    order.truncate(most);
+    order.sort_unstable();
+    order.into_iter().map(|region| (&made.regions[region], &made.law.laws[region])).collect()
 }
 
 /// The gains of the states, region by region.
@@ -107,10 +111,10 @@ fn laws(made: &ControllerFile, most: usize) -> String {
     header.extend(
         made.law.inputs.iter().flat_map(|input| errors.iter().map(move |error| format!("{}/{error}", input.name))),
     );
-    let rows = largest(made, most).into_iter().map(|(own, law)| {
-        let told = |value: Option<f64>| value.map_or_else(|| "borrowed".to_owned(), number);
-        let mut row = vec![own.region.clone(), own.rows.to_string(), told(own.radius), told(own.residual)];
-        row.extend(law.gain.iter().flat_map(|gains| told_gains(made, gains)));
+    let rows = largest(made, most).into_iter().map(|(record, law)| {
+        let cell = |value: Option<f64>| value.map_or_else(|| "borrowed".to_owned(), number);
+        let mut row = vec![record.region.clone(), record.rows.to_string(), cell(record.radius), cell(record.residual)];
+        row.extend(law.gain.iter().flat_map(|gains| gains_text(made, gains)));
         row
     });
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
@@ -128,9 +132,9 @@ fn further_gains(
     header.extend(
         made.law.inputs.iter().flat_map(|input| names.iter().map(move |name| format!("{}/{name}", input.name))),
     );
-    let rows = largest(made, most).into_iter().map(|(own, law)| {
+    let rows = largest(made, most).into_iter().map(|(record, law)| {
         let gains = of(law).iter().flatten().map(|&gain| number(gain));
-        std::iter::once(own.region.clone()).chain(gains).collect::<Vec<String>>()
+        std::iter::once(record.region.clone()).chain(gains).collect::<Vec<String>>()
     });
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     table(&header, rows.collect())
@@ -138,9 +142,12 @@ fn further_gains(
 
 fn certificates(made: &ControllerFile) -> String {
     let mut text = "radius: factor on an error from sample to sample in the closed loop; residual: of the Riccati equation, relative to its solution".to_owned();
-    for own in made.regions.iter().filter(|own| !own.unreached.is_empty()) {
-        text +=
-            &format!("\nregion {} is not stabilisable: no input reaches {}", own.region, own.unreached.join(" and "));
+    for record in made.regions.iter().filter(|record| !record.unreached.is_empty()) {
+        text += &format!(
+            "\nregion {} is not stabilisable: no input reaches {}",
+            record.region,
+            record.unreached.join(" and ")
+        );
     }
     text
 }

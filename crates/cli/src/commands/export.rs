@@ -14,7 +14,7 @@ use crate::args::{Export, ExportMethod, ExportPrecision, ExportTo};
 
 /// The files, and what their code takes.
 #[derive(Serialize)]
-struct Told<'a> {
+struct ExportReport<'a> {
     files: &'a [String],
     compared: usize,
     cost: Option<&'a Cost>,
@@ -75,7 +75,7 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
         context.say(format!("note: {} was there and is replaced", file.display()));
     }
     let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
-    context.print(Told { files: &files, compared: exported.compared, cost: exported.cost.as_ref() }, || {
+    context.print(ExportReport { files: &files, compared: exported.compared, cost: exported.cost.as_ref() }, || {
         let mut lines = vec![format!("wrote {}", files.join(", "))];
         if let Some(cost) = &exported.cost {
             lines.push(format!("compared with the engine at {} points", exported.compared));

@@ -49,34 +49,34 @@ fn to_text(filtered: &Filtered) -> String {
         number(filtered.log_likelihood),
         number(filtered.log_likelihood / (filtered.rows - filtered.lost_rows) as f64)
     );
-    let sensor = |own: &SensorReport| {
-        let from = match own.deviation_from {
+    let sensor = |report: &SensorReport| {
+        let from = match report.deviation_from {
             DeviationFrom::Given => "given",
             DeviationFrom::Column => "log",
             DeviationFrom::Innovations => "innovations",
         };
-        let white = if own.correlation.abs() <= own.white { "white" } else { "not white" };
+        let white = if report.correlation.abs() <= report.white { "white" } else { "not white" };
         vec![
-            own.state.clone(),
-            number(own.deviation),
+            report.state.clone(),
+            number(report.deviation),
             from.to_owned(),
-            own.rows.to_string(),
-            percent(own.share),
-            format!("{} ({white})", number(own.correlation)),
+            report.rows.to_string(),
+            percent(report.share),
+            format!("{} ({white})", number(report.correlation)),
         ]
     };
     let header = ["sensor", "deviation", "from", "rows", "in 95 % band", "correlation"];
     text.push_str(&table(&header, filtered.sensors.iter().map(sensor).collect()));
     if !filtered.truth.is_empty() {
-        let row = |own: &fleetfoot::TruthReport| {
-            vec![own.state.clone(), number(own.rmse), own.measured_rmse.map_or_else(|| "-".to_owned(), number)]
+        let row = |report: &fleetfoot::TruthReport| {
+            vec![report.state.clone(), number(report.rmse), report.measured_rmse.map_or_else(|| "-".to_owned(), number)]
         };
         let header = ["RMSE of", "estimate", "measurement"];
         text.push_str(&format!("\n\n{}", table(&header, filtered.truth.iter().map(row).collect())));
     }
-    for (name, own) in [("NIS", &filtered.nis), ("NEES", &filtered.nees)] {
-        if let Some(own) = own {
-            text.push_str(&format!("\n{}", squares(name, own)));
+    for (name, report) in [("NIS", &filtered.nis), ("NEES", &filtered.nees)] {
+        if let Some(report) = report {
+            text.push_str(&format!("\n{}", squares(name, report)));
         }
     }
     if filtered.held_inputs > 0 {
@@ -90,18 +90,18 @@ fn percent(share: f64) -> String {
 }
 
 /// Consistency of a filter's normalised squares with their chi-squared distribution.
-fn squares(name: &str, own: &SquareReport) -> String {
-    let verdict = match own {
-        own if own.holds() => "consistent",
-        own if own.mean > own.high => "errors larger than the filter's covariance",
+fn squares(name: &str, report: &SquareReport) -> String {
+    let verdict = match report {
+        report if report.holds() => "consistent",
+        report if report.mean > report.high => "errors larger than the filter's covariance",
         _ => "errors smaller than the filter's covariance",
     };
     format!(
         "{name} {} a degree of freedom, 95 % band {}..{}: {verdict}; {} of {} rows in the 95 % band of a row",
-        number(own.mean),
-        number(own.low),
-        number(own.high),
-        percent(own.share),
-        own.rows
+        number(report.mean),
+        number(report.low),
+        number(report.high),
+        percent(report.share),
+        report.rows
     )
 }

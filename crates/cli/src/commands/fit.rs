@@ -95,9 +95,9 @@ impl<'a> Job<'a> {
         bar.finish();
         let mut fitted = fitted?;
         if !keep_all {
-            fitted.iter_mut().for_each(|found| found.rivals.clear());
+            fitted.iter_mut().for_each(|fit| fit.rivals.clear());
         }
-        let mut written: Vec<PathBuf> = fitted.iter().flat_map(|found| found.files(output)).collect();
+        let mut written: Vec<PathBuf> = fitted.iter().flat_map(|fit| fit.files(output)).collect();
         if let Some(twice) =
             written.iter().enumerate().find_map(|(at, path)| written[..at].contains(path).then_some(path))
         {
@@ -111,24 +111,24 @@ impl<'a> Job<'a> {
         let new: Vec<PathBuf> = written.iter().filter(|path| !first.contains(path)).cloned().collect();
         context.claim(&new, &read, false)?;
         together(|| {
-            fitted.iter().try_for_each(|found| found.write(output).map(|_| ()))?;
+            fitted.iter().try_for_each(|fit| fit.write(output).map(|_| ()))?;
             write(&fitted)
         })?;
-        for found in &fitted {
-            let value = found.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
-            let notes = found.report.summary().notes.iter().map(|note| format!("{value}{note}"));
+        for fit in &fitted {
+            let value = fit.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
+            let notes = fit.report.summary().notes.iter().map(|note| format!("{value}{note}"));
             context.notes(&notes.collect::<Vec<_>>());
         }
-        let of = |found: &Fitted<M::Report>| Told {
-            value: found.value.clone(),
-            report: found.report.to_json(),
-            model: found.file(output).display().to_string(),
-            hash: found.model.hash(),
-            seed: found.model.training.seed,
+        let of = |fit: &Fitted<M::Report>| FitEntry {
+            value: fit.value.clone(),
+            report: fit.report.to_json(),
+            model: fit.file(output).display().to_string(),
+            hash: fit.model.hash(),
+            seed: fit.model.training.seed,
         };
-        let told: Vec<Told> = fitted.iter().map(of).collect();
+        let reports: Vec<FitEntry> = fitted.iter().map(of).collect();
         let text = || text(&fitted);
-        match (told.as_slice(), &request.by) {
+        match (reports.as_slice(), &request.by) {
             ([one], None) => context.print(one, text),
             (models, by) => context.print(ByValue { by: by.as_deref(), models }, text),
         }
@@ -144,7 +144,7 @@ impl<'a> Job<'a> {
 
 /// JSON report of a fit, with the name of the written model.
 #[derive(Serialize)]
-struct Told {
+struct FitEntry {
     #[serde(skip_serializing_if = "Option::is_none")]
     value: Option<String>,
     #[serde(flatten)]
@@ -158,7 +158,7 @@ struct Told {
 #[derive(Serialize)]
 struct ByValue<'a> {
     by: Option<&'a str>,
-    models: &'a [Told],
+    models: &'a [FitEntry],
 }
 
 /// Text of the plan of a fit: files to read, memory and work.

@@ -9,7 +9,7 @@ use super::Context;
 use crate::table::count;
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct KnownReport<'a> {
     rows: u64,
     episodes: usize,
     files: usize,
@@ -30,7 +30,7 @@ pub(crate) fn known(recipe: &Recipe, files: &[PathBuf], output: &Path, context: 
     context.say("note: all states are known: nothing is fitted, and no library or partition is used; score the model by rollouts");
     let equations = equations(&found);
     context.print(
-        Told {
+        KnownReport {
             rows: found.rows,
             episodes: found.episodes,
             files: found.files,
@@ -48,6 +48,6 @@ pub(crate) fn known(recipe: &Recipe, files: &[PathBuf], output: &Path, context: 
     Ok(())
 }
 
-fn equations(found: &KnownModel) -> Vec<String> {
-    found.model.equations.iter().map(|equation| format!("{} = {}", equation.label(), equation.right)).collect()
+fn equations(known_model: &KnownModel) -> Vec<String> {
+    known_model.model.equations.iter().map(|equation| format!("{} = {}", equation.label(), equation.right)).collect()
 }

@@ -17,19 +17,17 @@ pub(crate) fn network(arguments: &FitNetwork, context: &Context) -> Result<(), E
 }
 
 fn to_text(report: &NetworkReport) -> String {
-    let rows = report.candidates.iter().map(|own| {
+    let rows = report.candidates.iter().map(|candidate| {
         vec![
-            own.name.clone(),
-            own.numbers.to_string(),
-            format!("{} +- {}", ratio(own.loss), ratio(own.standard_error)),
-            if own.chosen { "<- chosen".into() } else { String::new() },
+            candidate.name.clone(),
+            candidate.numbers.to_string(),
+            format!("{} +- {}", ratio(candidate.loss), ratio(candidate.standard_error)),
+            if candidate.chosen { "<- chosen".into() } else { String::new() },
         ]
     });
-    let errors = report
-        .targets
-        .iter()
-        .zip(&report.held_out)
-        .map(|(target, own)| vec![target.clone(), number(own.rmse), number(own.mean), number(own.persistence)]);
+    let errors = report.targets.iter().zip(&report.held_out).map(|(target, candidate)| {
+        vec![target.clone(), number(candidate.rmse), number(candidate.mean), number(candidate.persistence)]
+    });
     let chosen = &report.candidates[report.chosen].name;
     format!(
         "{} rows of {}, {} of them for networks; {} left out at borders, {} incomplete\n\

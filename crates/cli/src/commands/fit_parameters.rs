@@ -100,21 +100,21 @@ fn how(report: &ParametersReport) -> String {
     format!("{name}: {}{left}, each from an estimated initial state{corrected}", count(segments, "segment"))
 }
 
-fn row(own: &ParameterInterval) -> Vec<String> {
-    let interval = match (own.fixed, own.determined) {
+fn row(parameter: &ParameterInterval) -> Vec<String> {
+    let interval = match (parameter.fixed, parameter.determined) {
         (true, _) => String::new(),
         (_, false) => "any".to_owned(),
-        _ => format!("{} to {}", number(own.interval[0]), number(own.interval[1])),
+        _ => format!("{} to {}", number(parameter.interval[0]), number(parameter.interval[1])),
     };
-    let estimate = match own.fixed || own.at_bound || !own.determined {
-        true => number(own.value),
-        false => Uncertain { value: own.value, error: own.standard_error }.to_string(),
+    let estimate = match parameter.fixed || parameter.at_bound || !parameter.determined {
+        true => number(parameter.value),
+        false => Uncertain { value: parameter.value, error: parameter.standard_error }.to_string(),
     };
-    let note = match (own.fixed, own.at_bound, own.determined) {
+    let note = match (parameter.fixed, parameter.at_bound, parameter.determined) {
         (true, ..) => "fixed",
         (_, true, _) => "at its bound",
         (.., false) => "not determined",
         _ => "",
     };
-    vec![own.name.clone(), estimate, interval, own.unit.clone().unwrap_or_default(), note.to_owned()]
+    vec![parameter.name.clone(), estimate, interval, parameter.unit.clone().unwrap_or_default(), note.to_owned()]
 }

@@ -25,7 +25,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     job.known = true;
     job.run::<Pwa>(FitRequest::default(), context, |fitted| to_text(&fitted[0].report), |fitted| {
         let candidates = &fitted[0].report.identification.candidates;
-        let several = candidates.len() > 1 && !candidates.iter().any(|own| own.specification.fits_targets());
+        let several = candidates.len() > 1 && !candidates.iter().any(|score| score.specification.fits_targets());
         (unsaid && several).then(|| {
             "only k-means regions were tried; --partition refined:2,5,10 fits regions to the dynamics and takes several times as long".to_owned()
         })
@@ -33,16 +33,16 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
 }
 
 fn to_text(report: &PwaReport) -> String {
-    let (found, summary) = (&report.identification, &report.summary);
+    let (identification, summary) = (&report.identification, &report.summary);
     let mut header = vec!["partition", "regions", "coefficients"];
-    header.extend(found.targets.iter().map(String::as_str));
+    header.extend(identification.targets.iter().map(String::as_str));
     header.extend(["Mahalanobis", "loss"]);
-    let continuous = found.candidates.iter().any(|score| score.continuity.is_some());
+    let continuous = identification.candidates.iter().any(|score| score.continuity.is_some());
     header.extend(continuous.then_some("loss apart"));
     header.push("");
     // What sums do not know.
-    let quadratic = found.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
-    let mut rows: Vec<Vec<String>> = found
+    let quadratic = identification.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
+    let mut rows: Vec<Vec<String>> = identification
         .candidates
         .iter()
         .enumerate()
@@ -59,7 +59,10 @@ fn to_text(report: &PwaReport) -> String {
             if continuous {
                 row.push(score.continuity.map_or_else(|| "-".into(), |own| ratio(own.apart)));
             }
-            let marks = [(index == found.chosen, "<- chosen"), (score.front && found.candidates.len() > 1, "front")];
+            let marks = [
+                (index == identification.chosen, "<- chosen"),
+                (score.front && identification.candidates.len() > 1, "front"),
+            ];
             row.push(marks.iter().filter(|(is, _)| *is).map(|(_, mark)| *mark).collect::<Vec<&str>>().join(", "));
             row
         })
@@ -76,42 +79,42 @@ fn to_text(report: &PwaReport) -> String {
         let losses: Vec<f64> = summary.baselines.iter().map(TargetBaselines::loss).collect();
         let loss = losses.iter().sum::<f64>() / losses.len() as f64;
         let errors = summary.baselines.iter().map(|own| own.persistence_over_mean).collect();
-        if !found.candidates.iter().any(|score| score.specification == Specification::Null) {
+        if !identification.candidates.iter().any(|score| score.specification == Specification::Null) {
             rows.push(baseline("(mean)", vec![1.0; losses.len()], 1.0));
         }
         rows.push(baseline("(persistence)", errors, loss));
     }
     let mut sigma = vec!["sigma".to_owned(), String::new(), String::new()];
-    sigma.extend(found.sigma.iter().map(|&value| number(value)));
+    sigma.extend(identification.sigma.iter().map(|&value| number(value)));
     sigma.resize(header.len(), String::new());
     rows.push(sigma);
     let rollouts =
         summary.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", fit::by_rollouts(choice)));
     let rollouts = rollouts + &summary.refinement.as_ref().map_or_else(String::new, fit::refined_over_candidates);
     let by_spans = |target: &str| {
-        let at = found.targets.iter().position(|own| own == target)?;
-        found.candidates[found.chosen].r2.get(at).map(|r2| 1.0 - r2)
+        let at = identification.targets.iter().position(|own| own == target)?;
+        identification.candidates[identification.chosen].r2.get(at).map(|r2| 1.0 - r2)
     };
     let by_time = summary.by_time.as_ref().map_or_else(String::new, |own| format!("\n{}", own.in_words(by_spans)));
-    let which = if found.held_out { "cross-validated" } else { "in-sample" };
+    let which = if identification.held_out { "cross-validated" } else { "in-sample" };
     let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
     format!(
         "{rollouts}{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
          {what}, {which}{}; loss: squared error over variance\n{}",
-        found.rows,
+        identification.rows,
         count(summary.episodes, "episode"),
-        number(found.effective_rows),
-        found.at_border,
-        found.incomplete,
-        number(found.condition),
-        number(found.preconditioned),
-        found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
+        number(identification.effective_rows),
+        identification.at_border,
+        identification.incomplete,
+        number(identification.condition),
+        number(identification.preconditioned),
+        identification.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
         table(&header, rows)
     ) + &by_time
-        + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
-        + &refinement(&found.candidates[found.chosen])
-        + &continuity(&found.candidates[found.chosen])
-        + &bounded(&found.candidates, found.held_out)
+        + &identification.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
+        + &refinement(&identification.candidates[identification.chosen])
+        + &continuity(&identification.candidates[identification.chosen])
+        + &bounded(&identification.candidates, identification.held_out)
 }
 
 /// Largest jump at the borders of maps that meet there, with the count of free numbers.
@@ -142,5 +145,5 @@ fn refinement(score: &Score) -> String {
 /// Bounds of the regions' maps, with the one-step error that they cost.
 fn bounded(candidates: &[Score], held_out: bool) -> String {
     let tables = BoundedCandidate::tables(&BoundedCandidate::of(candidates, held_out));
-    tables.iter().map(|own| format!("\n\n{}", text_table(own))).collect()
+    tables.iter().map(|table| format!("\n\n{}", text_table(table))).collect()
 }

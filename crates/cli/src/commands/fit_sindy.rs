@@ -105,7 +105,7 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     if let Some(by_time) = &summary.by_time {
         let equations = || report.regions.iter().flat_map(|region| &region.equations);
         let by_spans = |target: &str| match report.regions.len() {
-            1 => equations().find(|own| own.label == target).map(|own| 1.0 - own.held_out_r2),
+            1 => equations().find(|equation| equation.label == target).map(|equation| 1.0 - equation.held_out_r2),
             _ => None,
         };
         text.push_str(&format!("{}\n", by_time.in_words(by_spans)));
@@ -164,8 +164,10 @@ fn scores(region: &RegionReport, baselines: &[TargetBaselines], bounded: bool) -
             number(equation.held_out),
             share(equation.held_out_r2),
         ];
-        let own = baselines.iter().find(|own| own.target == equation.label);
-        row.extend(own.into_iter().flat_map(|own| [plain(own.mean_rmse), plain(own.persistence_rmse)]));
+        let baseline = baselines.iter().find(|baseline| baseline.target == equation.label);
+        row.extend(
+            baseline.into_iter().flat_map(|baseline| [plain(baseline.mean_rmse), plain(baseline.persistence_rmse)]),
+        );
         row.extend(equation.free.iter().flat_map(|free| [plain(free.rms), plain(free.held_out)]));
         row
     });

@@ -44,14 +44,14 @@ fn to_text(fitted: &[SparseFitted], arguments: &FitSparse) -> String {
         ([one], None) => text.push_str(&one_text(&one.report)),
         (_, label) => {
             let label = label.as_deref().unwrap_or_default();
-            for found in fitted {
-                let value = found.value.as_deref().unwrap_or_default();
-                text.push_str(&format!("{label} {value}: {}\n", summary(&found.report)));
+            for fit in fitted {
+                let value = fit.value.as_deref().unwrap_or_default();
+                text.push_str(&format!("{label} {value}: {}\n", summary(&fit.report)));
             }
             text.push_str(&by_value(fitted, label));
-            for found in fitted {
-                let value = found.value.as_deref().unwrap_or_default();
-                if let Some(influence) = &found.report.influence {
+            for fit in fitted {
+                let value = fit.value.as_deref().unwrap_or_default();
+                if let Some(influence) = &fit.report.influence {
                     text.push_str(&format!("\n\n{label} {value}: {}", influence_text(influence)));
                 }
             }
@@ -191,11 +191,12 @@ fn by_value(fitted: &[SparseFitted], label: &str) -> String {
     for (index, latent) in first.report.latents.iter().enumerate() {
         for (at, candidate) in latent.candidates.iter().enumerate() {
             let candidates: Vec<&CandidateReport> =
-                fitted.iter().map(|found| &found.report.latents[index].candidates[at]).collect();
-            let frequency = |found: &CandidateReport| found.frequency.unwrap_or(f64::from(u8::from(found.selected)));
-            let mean = candidates.iter().map(|found| frequency(found)).sum::<f64>() / candidates.len() as f64;
-            let selected = candidates.iter().filter(|found| found.selected).count();
-            let shades: String = candidates.iter().map(|found| tenths(frequency(found))).collect();
+                fitted.iter().map(|fit| &fit.report.latents[index].candidates[at]).collect();
+            let frequency =
+                |candidate: &CandidateReport| candidate.frequency.unwrap_or(f64::from(u8::from(candidate.selected)));
+            let mean = candidates.iter().map(|candidate| frequency(candidate)).sum::<f64>() / candidates.len() as f64;
+            let selected = candidates.iter().filter(|candidate| candidate.selected).count();
+            let shades: String = candidates.iter().map(|candidate| tenths(frequency(candidate))).collect();
             rows.push(vec![
                 latent.name.clone(),
                 candidate.function.clone(),

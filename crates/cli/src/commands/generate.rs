@@ -56,7 +56,10 @@ fn world(arguments: &Generate) -> Result<World, Error> {
     }
     if let Some(kind) = &arguments.excitation {
         if !world.excitable() {
-            usage(format!("--excitation {kind}: only the controller drives `{}`, so it has no excitation; leave --excitation out", world.robot()));
+            usage(format!(
+                "--excitation {kind}: only the controller drives `{}`, so it has no excitation; leave --excitation out",
+                world.robot()
+            ));
         }
         world.excite(kind)?;
     }

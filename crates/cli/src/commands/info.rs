@@ -17,12 +17,12 @@ pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
     let infos = inspect_together(&files, arguments.values, &bar);
     bar.finish();
     let mut infos = infos?;
-    if let Some(found) = FoundRuns::among(&infos) {
+    if let Some(runs) = FoundRuns::among(&infos) {
         let data: Vec<String> = arguments.data.iter().map(|path| shell_word(&path.to_string_lossy())).collect();
         let note = format!(
             "these look like the files of {}: their columns differ. [files] in the recipe joins them on one clock ({}); `fleetfoot init {} -o robot.toml` writes such a recipe",
-            if found.runs.len() == 1 { "one run".into() } else { format!("{} runs", found.runs.len()) },
-            found.in_words(),
+            if runs.runs.len() == 1 { "one run".into() } else { format!("{} runs", runs.runs.len()) },
+            runs.in_words(),
             data.join(" ")
         );
         infos.iter_mut().take(1).for_each(|info| info.notes.push(note.clone()));

@@ -15,7 +15,7 @@ use crate::args::Init;
 
 /// The recipe where it is written to no file.
 #[derive(Serialize)]
-struct Told<'a> {
+struct RecipeText<'a> {
     recipe: &'a str,
 }
 
@@ -23,7 +23,7 @@ pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
     let files = files(&arguments.data)?;
     let text = recipe(&files, arguments, context)?;
     match &arguments.output {
-        None => context.print(Told { recipe: &text }, || text.clone()),
+        None => context.print(RecipeText { recipe: &text }, || text.clone()),
         Some(path) if is_replaced(path) && !arguments.force => {
             return Err(Error::output(format!("{} exists already; give --force to overwrite it", path.display())));
         }
@@ -49,10 +49,10 @@ fn recipe(files: &[PathBuf], arguments: &Init, context: &Context) -> Result<Stri
     if files.len() > 1 {
         let bar = context.bar();
         let infos = inspect_together(files, false, &bar);
-        let found = infos.map(|infos| FoundRuns::among(&infos).filter(|found| found.share_a_clock(&bar)));
+        let runs = infos.map(|infos| FoundRuns::among(&infos).filter(|runs| runs.share_a_clock(&bar)));
         bar.finish();
-        if let Some(found) = found? {
-            return Ok(starter_recipe_of_runs(&found)?);
+        if let Some(runs) = runs? {
+            return Ok(starter_recipe_of_runs(&runs)?);
         }
         context.say(format!(
             "note: the recipe describes {} and files like it; the {} files are not parts of one run (different columns, overlapping clocks)",

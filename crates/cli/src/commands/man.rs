@@ -31,9 +31,9 @@ fn pages(command: &clap::Command) -> Vec<(String, Vec<u8>)> {
     let mut text = Vec::new();
     // Writing to memory does not fail.
     let _ = page.render(&mut text);
-    let own = (page.get_filename(), text);
+    let file_page = (page.get_filename(), text);
     let below = command.get_subcommands().filter(|below| !below.is_hide_set()).flat_map(pages);
-    std::iter::once(own).chain(below).collect()
+    std::iter::once(file_page).chain(below).collect()
 }
 
 #[cfg(test)]
@@ -46,7 +46,7 @@ mod tests {
         command.build();
         let pages = pages(&command);
         let of = |name: &str| {
-            let page = pages.iter().find(|(own, _)| own == name).unwrap_or_else(|| panic!("no {name}"));
+            let page = pages.iter().find(|(file, _)| file == name).unwrap_or_else(|| panic!("no {name}"));
             String::from_utf8_lossy(&page.1).into_owned()
         };
         assert!(of("fleetfoot.1").contains("fleetfoot\\-fit"));

@@ -75,7 +75,7 @@ pub(crate) fn to_text(projected: &Projected) -> String {
 
 /// A plane for programs: its axes, and of every cell the rows, passages, transitions, scored rows and mean score.
 #[derive(Serialize)]
-pub(crate) struct Told {
+pub(crate) struct PlaneReport {
     bins: usize,
     outside: u64,
     rows: u64,
@@ -101,7 +101,7 @@ impl From<&Axis> for ToldAxis {
     }
 }
 
-impl From<&Projected> for Told {
+impl From<&Projected> for PlaneReport {
     fn from(projected: &Projected) -> Self {
         let plane = &projected.plane;
         let total = plane.total();

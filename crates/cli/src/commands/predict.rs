@@ -8,7 +8,7 @@ use crate::args::Predict;
 
 /// The file, and what it has.
 #[derive(Serialize)]
-struct Told<'a> {
+struct PredictReport<'a> {
     file: String,
     #[serde(flatten)]
     written: &'a Written,
@@ -27,7 +27,7 @@ pub(crate) fn predict(arguments: &Predict, context: &Context) -> Result<(), Erro
     context.notes(&written.notes);
     let path = arguments.output.display();
     context.print(
-        Told { file: path.to_string(), written: &written },
+        PredictReport { file: path.to_string(), written: &written },
         || {
             format!(
                 "wrote {path}: {} rows, {} with a prediction, {} of them with a measured target; {} outside the training range of their region",

@@ -88,8 +88,8 @@ impl Row<'_> {
 
 fn to_text(report: &PrepareReport) -> String {
     let mut rows: BTreeMap<&str, Row<'_>> = BTreeMap::new();
-    for own in report.pieces().flat_map(|piece| &piece.channels) {
-        rows.entry(&own.channel).or_default().pieces.push(own);
+    for channel_report in report.pieces().flat_map(|piece| &piece.channels) {
+        rows.entry(&channel_report.channel).or_default().pieces.push(channel_report);
     }
     let header = [
         "channel",
@@ -153,7 +153,7 @@ fn body(own: &BodyReport) -> String {
         ),
         Some(jerk) => (String::new(), format!("jerk {} m/s^3/sqrt(Hz)", number(jerk))),
     };
-    let noise = if own.noise_fitted { told_noise(own) } else { String::new() };
+    let noise = if own.noise_fitted { noise_text(own) } else { String::new() };
     format!(
         "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n{gravity}  noise     rate {} rad/s/sqrt(Hz), {moved}, position {} m, attitude {} rad, {}\n{noise}",
         count(own.poses, "pose"),
@@ -171,9 +171,9 @@ fn body(own: &BodyReport) -> String {
 }
 
 /// Noise beside the densities: deviation of single readings and random walk of biases, with their standard deviations.
-fn told_noise(own: &BodyReport) -> String {
+fn noise_text(body: &BodyReport) -> String {
     let axes = |which: usize, unit: &str| {
-        let (values, deviations) = (own.reading_noise[which], own.reading_noise_deviation[which]);
+        let (values, deviations) = (body.reading_noise[which], body.reading_noise_deviation[which]);
         let axis = |(value, deviation): (&Option<f64>, &Option<f64>)| match (value, deviation) {
             (Some(value), Some(deviation)) => format!("{} +- {}", number(*value), number(*deviation)),
             _ => "unknown".into(),
@@ -182,16 +182,16 @@ fn told_noise(own: &BodyReport) -> String {
         known.then(|| format!("{} {unit}", values.iter().zip(&deviations).map(axis).collect::<Vec<_>>().join(", ")))
     };
     let readings =
-        [axes(0, "rad/s").map(|own| format!("rate {own}")), axes(1, "m/s^2").map(|own| format!("force {own}"))];
+        [axes(0, "rad/s").map(|axes| format!("rate {axes}")), axes(1, "m/s^2").map(|axes| format!("force {axes}"))];
     let readings = readings.into_iter().flatten().collect::<Vec<_>>().join(", ");
-    let walk = |which: usize, unit: &str| match own.imu_walk_deviation[which] {
+    let walk = |which: usize, unit: &str| match body.imu_walk_deviation[which] {
         Some(0.0) => None,
-        Some(deviation) => Some(format!("{} +- {} {unit}", number(own.imu_walk[which]), number(deviation))),
-        None => Some(format!("{} {unit} (not identifiable from this recording)", number(own.imu_walk[which]))),
+        Some(deviation) => Some(format!("{} +- {} {unit}", number(body.imu_walk[which]), number(deviation))),
+        None => Some(format!("{} {unit} (not identifiable from this recording)", number(body.imu_walk[which]))),
     };
     let walks = [
-        walk(0, "rad/s^2/sqrt(Hz)").map(|own| format!("bias of the rate {own}")),
-        walk(1, "m/s^3/sqrt(Hz)").map(|own| format!("of the force {own}")),
+        walk(0, "rad/s^2/sqrt(Hz)").map(|walk| format!("bias of the rate {walk}")),
+        walk(1, "m/s^3/sqrt(Hz)").map(|walk| format!("of the force {walk}")),
     ];
     let walks = walks.into_iter().flatten().collect::<Vec<_>>().join(", ");
     let line = |name: &str, text: String| if text.is_empty() { text } else { format!("  {name:<9} {text}\n") };
@@ -203,9 +203,9 @@ fn topics(rows: &BTreeMap<&str, Row<'_>>) -> String {
     let mut topics: BTreeMap<&str, (Vec<&str>, usize)> = BTreeMap::new();
     for (channel, row) in rows {
         if let Some(topic) = row.pieces.iter().find_map(|piece| piece.topic.as_deref()) {
-            let own = topics.entry(topic).or_default();
-            own.0.push(channel);
-            own.1 = row.pieces.iter().map(|piece| piece.samples).sum();
+            let entry = topics.entry(topic).or_default();
+            entry.0.push(channel);
+            entry.1 = row.pieces.iter().map(|piece| piece.samples).sum();
         }
     }
     let line = |(topic, (channels, samples)): (&&str, &(Vec<&str>, usize))| {
@@ -219,21 +219,21 @@ fn joints(all: &[JointReport]) -> String {
     if all.is_empty() {
         return String::new();
     }
-    let found = |value: f64, deviation: f64| match deviation > 0.0 {
+    let with_deviation = |value: f64, deviation: f64| match deviation > 0.0 {
         true => format!("{} ({})", number(value), number(deviation)),
         false => number(value),
     };
     let header = ["joint", "sensor", "readings", "left out", "noise", "delay, s", "bias", "jerk", "smoothed over, s"];
     let row = |joint: &JointReport, at: usize| {
-        let own = &joint.sensors[at];
+        let sensor = &joint.sensors[at];
         vec![
             joint.joint.clone(),
-            own.sensor.clone(),
-            own.readings.to_string(),
-            own.rejected.iter().map(|log| log.rows).sum::<usize>().to_string(),
-            number(own.noise),
-            found(own.delay, own.delay_deviation),
-            found(own.bias, own.bias_deviation),
+            sensor.sensor.clone(),
+            sensor.readings.to_string(),
+            sensor.rejected.iter().map(|log| log.rows).sum::<usize>().to_string(),
+            number(sensor.noise),
+            with_deviation(sensor.delay, sensor.delay_deviation),
+            with_deviation(sensor.bias, sensor.bias_deviation),
             number(joint.jerk),
             number(joint.smoothed),
         ]
@@ -270,14 +270,14 @@ fn clocks(report: &PrepareReport) -> String {
 }
 
 /// Offset and drift of another computer's clock.
-fn aligned(own: &AlignedClock) -> String {
-    if own.by == "given" {
-        return format!("clock {}: {} ahead, as given\n", own.clock, seconds(own.offset));
+fn aligned(clock: &AlignedClock) -> String {
+    if clock.by == "given" {
+        return format!("clock {}: {} ahead, as given\n", clock.clock, seconds(clock.offset));
     }
     let ppm = |skew: f64| format!("{:.3}", 1e6 * skew);
-    let evidence = match (own.unexplained, own.edges) {
+    let evidence = match (clock.unexplained, clock.edges) {
         (Some(share), _) => {
-            let errors = own.left_out.map_or(0, |left_out| left_out.iter().sum());
+            let errors = clock.left_out.map_or(0, |left_out| left_out.iter().sum());
             let errors =
                 if errors > 0 { format!(", {} left out", count(errors, "gross error")) } else { String::new() };
             format!("motion, {:.2} % unexplained{errors}", 100.0 * share)
@@ -286,15 +286,15 @@ fn aligned(own: &AlignedClock) -> String {
     };
     format!(
         "clock {} of {}: {:.6} s ahead ({:.6} to {:.6}) at {:.1} s, {} ppm fast ({} to {}), by {evidence}\n",
-        own.clock,
-        own.log,
-        own.offset,
-        own.offset_interval[0],
-        own.offset_interval[1],
-        own.at,
-        ppm(own.skew),
-        ppm(own.skew_interval[0]),
-        ppm(own.skew_interval[1]),
+        clock.clock,
+        clock.log,
+        clock.offset,
+        clock.offset_interval[0],
+        clock.offset_interval[1],
+        clock.at,
+        ppm(clock.skew),
+        ppm(clock.skew_interval[0]),
+        ppm(clock.skew_interval[1]),
     )
 }
 
@@ -337,8 +337,9 @@ fn left_out(report: &PrepareReport) -> String {
 /// Notes on channels that need a look.
 fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
     let pieces = |is: fn(&ChannelReport) -> bool| row.pieces.iter().filter(|piece| is(piece)).count();
-    let most =
-        |of: fn(&ChannelReport) -> &Places| row.pieces.iter().map(|piece| of(piece)).max_by_key(|own| own.longest);
+    let most = |of: fn(&ChannelReport) -> &Places| {
+        row.pieces.iter().map(|piece| of(piece)).max_by_key(|places| places.longest)
+    };
     let mut doubts = Vec::new();
     let through_all = pieces(|piece| piece.through_all);
     if through_all > 0 {

@@ -24,7 +24,7 @@ impl OnPage {
 }
 
 #[derive(Serialize)]
-struct Told {
+struct PageReport {
     #[serde(flatten)]
     page: OnPage,
     figures: Vec<String>,
@@ -46,7 +46,7 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     options.starts = arguments.starts.get();
     options.controller = arguments.controller.read()?;
     options.plane = arguments.plane.as_ref().map(|axes| plane(&axes.0)).transpose()?;
-    options.fits = arguments.fit.iter().map(|path| told(path)).collect::<Result<_, _>>()?;
+    options.fits = arguments.fit.iter().map(|path| fit_report(path)).collect::<Result<_, _>>()?;
     let bar = context.bar();
     let made = fleetfoot::report(&models, &changes, &data, &options, &bar);
     bar.finish();
@@ -62,11 +62,11 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
             .collect::<Result<_, Error>>()
     })?;
     let shown = |path: &PathBuf| path.display().to_string();
-    let told = Told {
+    let report = PageReport {
         page: OnPage::new(&made, &arguments.output),
         figures: figures.iter().flat_map(|(_, paths)| paths.iter().map(shown)).collect(),
     };
-    context.print(told, || {
+    context.print(report, || {
         let finding = |finding: &fleetfoot::report::Sentence| {
             format!("{}: {} {}", finding.light.word(), finding.head, finding.text)
         };
@@ -86,7 +86,7 @@ fn plane(axes: &[String]) -> Result<[String; 2], Error> {
 }
 
 /// JSON report of a fit.
-fn told(path: &Path) -> Result<Value, Error> {
+fn fit_report(path: &Path) -> Result<Value, Error> {
     let unread = |source| fleetfoot::log::Error::Io { path: path.to_owned(), action: "read", source };
     let text = std::fs::read(path).map_err(unread)?;
     serde_json::from_slice(&text).map_err(|error| {

@@ -31,27 +31,28 @@ pub(crate) fn resimulate(arguments: &Resimulate, context: &Context) -> Result<()
 }
 
 fn to_text(followed: &Followed, episodes: bool) -> String {
-    let found = &followed.found;
-    let rows: usize = found.episodes.iter().map(|own| own.rows.len()).sum();
-    let moved = &found.columns[found.states..];
+    let resimulation = &followed.found;
+    let rows: usize = resimulation.episodes.iter().map(|episode| episode.rows.len()).sum();
+    let moved = &resimulation.columns[resimulation.states..];
     let [dynamics, bounds, stationarity] = followed.worst();
-    let programs =
-        |of: fn(usize, usize) -> usize, from: usize| found.episodes.iter().map(|own| own.programs).fold(from, of);
+    let programs = |of: fn(usize, usize) -> usize, from: usize| {
+        resimulation.episodes.iter().map(|episode| episode.programs).fold(from, of)
+    };
     let mut text = format!(
         "{} followed, {rows} rows; {}; moved: {}; {}\n",
-        count(found.episodes.len(), "episode"),
-        if found.continuous { "Hermite and Simpson's rule (order 4)" } else { "row by row" },
+        count(resimulation.episodes.len(), "episode"),
+        if resimulation.continuous { "Hermite and Simpson's rule (order 4)" } else { "row by row" },
         if moved.is_empty() { "the beginning alone".to_owned() } else { moved.join(", ") },
-        replayed_in_words(&found.replayed)
+        replayed_in_words(&resimulation.replayed)
     );
     text.push_str(&format!(
         "at a minimum: {} of {}, by {} to {} convex programs; dynamics violated by {dynamics:.1e} at most, bounds by {bounds:.1e}; stationarity {stationarity:.1e}\n\n",
         followed.minima(),
-        found.episodes.len(),
+        resimulation.episodes.len(),
         programs(usize::min, usize::MAX),
         programs(usize::max, 0),
     ));
-    let single = found.episodes.len() == 1;
+    let single = resimulation.episodes.len() == 1;
     let mut header = vec!["rms of"];
     header.extend(if single {
         vec!["followed", "open loop"]
@@ -61,22 +62,22 @@ fn to_text(followed: &Followed, episodes: bool) -> String {
     header.extend(["may be off", "bounds"]);
     let row = |j: usize| {
         let unit = followed.units[j].as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
-        let mut row = vec![format!("{}{unit}", found.columns[j])];
-        let told = |own: fleetfoot::Spread| {
-            let values = if single { vec![own.median] } else { vec![own.median, own.ninth, own.worst] };
+        let mut row = vec![format!("{}{unit}", resimulation.columns[j])];
+        let spread_text = |spread: fleetfoot::Spread| {
+            let values = if single { vec![spread.median] } else { vec![spread.median, spread.ninth, spread.worst] };
             values.into_iter().map(|value| if value.is_infinite() { "diverged".to_owned() } else { number(value) })
         };
-        row.extend(told(followed.followed(j)));
+        row.extend(spread_text(followed.followed(j)));
         match followed.open_loop(j) {
-            Some(own) => row.extend(told(own)),
+            Some(spread) => row.extend(spread_text(spread)),
             None => row.extend(vec!["-".to_owned(); if single { 1 } else { 3 }]),
         }
-        let [low, high] = found.bounds[j];
+        let [low, high] = resimulation.bounds[j];
         let end = |value: f64| if value.is_finite() { number(value) } else { String::new() };
-        row.extend([number(found.deviations[j]), format!("{}..{}", end(low), end(high))]);
+        row.extend([number(resimulation.deviations[j]), format!("{}..{}", end(low), end(high))]);
         row
     };
-    text.push_str(&table(&header, (0..found.columns.len()).map(row).collect()));
+    text.push_str(&table(&header, (0..resimulation.columns.len()).map(row).collect()));
     if episodes {
         text.push_str(&format!("\n\n{}", by_episode(followed)));
     }
@@ -86,19 +87,19 @@ fn to_text(followed: &Followed, episodes: bool) -> String {
 
 /// A line an episode: of every state followed and open loop, of every input followed.
 fn by_episode(followed: &Followed) -> String {
-    let found = &followed.found;
+    let resimulation = &followed.found;
     let mut header = vec!["episode".to_owned(), "rows".into(), "programs".into(), "ended".into()];
-    for (j, name) in found.columns.iter().enumerate() {
+    for (j, name) in resimulation.columns.iter().enumerate() {
         header.push(name.clone());
-        header.extend((j < found.states).then(|| format!("{name} open loop")));
+        header.extend((j < resimulation.states).then(|| format!("{name} open loop")));
     }
-    let row = |(own, name): (&fleetfoot::estimate::Resimulated, &String)| {
-        let (ours, open) = (found.deviations_of(own), found.open_loop_deviations(own));
+    let row = |(episode, name): (&fleetfoot::estimate::Resimulated, &String)| {
+        let (ours, open) = (resimulation.deviations_of(episode), resimulation.open_loop_deviations(episode));
         let mut row = vec![
             name.clone(),
-            own.rows.len().to_string(),
-            own.programs.to_string(),
-            match own.ending {
+            episode.rows.len().to_string(),
+            episode.programs.to_string(),
+            match episode.ending {
                 Ending::Minimum => "at a minimum".to_owned(),
                 Ending::Stalled => "no better step".to_owned(),
                 _ => "early".to_owned(),
@@ -111,5 +112,5 @@ fn by_episode(followed: &Followed) -> String {
         row
     };
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    table(&header, found.episodes.iter().zip(&followed.names).map(row).collect())
+    table(&header, resimulation.episodes.iter().zip(&followed.names).map(row).collect())
 }

@@ -76,7 +76,7 @@ fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
     let several =
         model.method.starts_with("pwa ") && model.partitions.iter().any(|partition| partition.rule.count() > 1);
     let bounded = Recipe::parse(&model.training.recipe, "the model's recipe")
-        .is_ok_and(|own| own.pwa.stable.is_some() || own.pwa.passive.is_some());
+        .is_ok_and(|recipe| recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some());
     (several && !bounded && diverged > 0 && 100 * diverged >= all).then(|| {
         format!(
             "{diverged} of {all} rollouts diverged: a region whose map has a gain above 1 amplifies every error. `fit pwa --stable` bounds the maps of all regions; regions fitted to the dynamics (--partition refined:10, tree:4) simulate more accurately than clusters; `--outside hold` keeps regressors within the training range of their region"
@@ -85,15 +85,15 @@ fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
 }
 
 /// The steps worth a line: 1, 2, 5, 10, 20, 50, ... and the last.
-pub(crate) fn told(steps: usize) -> Vec<usize> {
-    let mut told = Vec::new();
+pub(crate) fn printed_steps(steps: usize) -> Vec<usize> {
+    let mut steps_shown = Vec::new();
     let mut decade = 1;
     while decade <= steps {
-        told.extend([1, 2, 5].iter().map(|factor| factor * decade).filter(|&step| step < steps));
+        steps_shown.extend([1, 2, 5].iter().map(|factor| factor * decade).filter(|&step| step < steps));
         decade *= 10;
     }
-    told.push(steps);
-    told
+    steps_shown.push(steps);
+    steps_shown
 }
 
 /// Errors over whole rollouts, of the model and of the baselines.
@@ -106,8 +106,8 @@ fn summaries(horizon: &Horizon, position: &str) -> String {
     let half =
         |e: &Estimate| if e.high.is_finite() { format!(" ± {}", ratio(e.high - e.value)) } else { String::new() };
     let row = |name: String, of: &dyn Fn(&HorizonScore) -> Option<Estimate>| {
-        let told = |score: &&HorizonScore| of(score).map_or_else(|| "-".into(), |e| ratio(e.value) + &half(&e));
-        std::iter::once(name).chain(scores.iter().map(told)).collect::<Vec<String>>()
+        let ratio_text = |score: &&HorizonScore| of(score).map_or_else(|| "-".into(), |e| ratio(e.value) + &half(&e));
+        std::iter::once(name).chain(scores.iter().map(ratio_text)).collect::<Vec<String>>()
     };
     let mut rows = vec![
         row("Mahalanobis, average".into(), &|score| Some(score.summary.average)),
@@ -144,7 +144,7 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> Stri
         |state: &usize| raw.is_some_and(|raw| raw.iter().skip(*state).step_by(states).any(|value| value.is_finite()));
     let measured: Vec<usize> = (0..states).filter(is_measured).collect();
     header.extend(measured.iter().map(|&state| format!("raw RMSE {}", horizon.states[state])));
-    let rows = told(horizon.time.len())
+    let rows = printed_steps(horizon.time.len())
         .into_iter()
         .map(|step| {
             let at = step - 1;

@@ -15,7 +15,7 @@ use crate::{
 
 /// The statistic's file, and what was scanned into it.
 #[derive(Serialize)]
-struct Told {
+struct ScanReport {
     file: String,
     #[serde(flatten)]
     scanned: Value,
@@ -68,7 +68,7 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
         context.say("continued the scan that was stopped");
     }
     let file = arguments.output.display().to_string();
-    context.print(Told { file, scanned: outcome.to_json() }, || to_text(&outcome));
+    context.print(ScanReport { file, scanned: outcome.to_json() }, || to_text(&outcome));
     context.say(format!("wrote {}", arguments.output.display()));
     Ok(())
 }
@@ -94,8 +94,11 @@ fn to_text(outcome: &ScanOutcome) -> String {
 }
 
 fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
-    let latents: Vec<String> =
-        plan.latents.iter().map(|own| format!("{} ({})", own.name, count(own.functions, "function"))).collect();
+    let latents: Vec<String> = plan
+        .latents
+        .iter()
+        .map(|latent| format!("{} ({})", latent.name, count(latent.functions, "function")))
+        .collect();
     format!(
         "{}\n{}: {}\n{}: {}\n{} over the rows; {} of at most {} rows; about {} of statistics",
         reading(&plan.reading, plan.skipped),

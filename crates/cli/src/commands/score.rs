@@ -32,8 +32,8 @@ pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
     let (scored, projected) = scored?;
     context.notes(&scored.notes);
     in_sample(context, &scored.in_sample, scored.episodes);
-    let told = Told { scored: scored.to_json(), plane: projected.as_ref().map(plane::Told::from) };
-    context.print(told, || {
+    let summary = ScoreOutput { scored: scored.to_json(), plane: projected.as_ref().map(plane::PlaneReport::from) };
+    context.print(summary, || {
         let text = to_text(&scored, arguments.episodes);
         projected.as_ref().map_or(text.clone(), |projected| format!("{text}\n\n{}", plane::to_text(projected)))
     });
@@ -45,11 +45,11 @@ pub(crate) fn score(arguments: &Score, context: &Context) -> Result<(), Error> {
 
 /// The scores, and the plane where one is asked for.
 #[derive(Serialize)]
-struct Told {
+struct ScoreOutput {
     #[serde(flatten)]
     scored: Value,
     #[serde(skip_serializing_if = "Option::is_none")]
-    plane: Option<plane::Told>,
+    plane: Option<plane::PlaneReport>,
 }
 
 fn interval(estimate: &Estimate, show: impl Fn(f64) -> String) -> String {

@@ -196,7 +196,7 @@ struct Done<'a> {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct StatsReport<'a> {
     #[serde(flatten)]
     done: Done<'a>,
     file: String,
@@ -215,7 +215,7 @@ fn tell(
     sizes: &Sizes,
     output: &Path,
 ) {
-    let told = Told {
+    let report = StatsReport {
         done,
         file: output.display().to_string(),
         episodes: file.episodes.len(),
@@ -223,7 +223,7 @@ fn tell(
         bytes_before: before,
         bytes: sizes.total,
     };
-    context.print(told, || {
+    context.print(report, || {
         format!(
             "{text}\n{}, {} complete rows, {}\n{} before, {} now",
             count(file.episodes.len(), "episode"),

@@ -36,8 +36,9 @@ impl Heartbeat {
             stopped: Mutex::new(false),
             wake: Condvar::new(),
         });
-        let own = Arc::clone(&shared);
-        let thread = std::thread::Builder::new().name("heartbeat".into()).spawn(move || own.beat(first, &tell)).ok();
+        let thread_shared = Arc::clone(&shared);
+        let thread =
+            std::thread::Builder::new().name("heartbeat".into()).spawn(move || thread_shared.beat(first, &tell)).ok();
         Self { shared, thread }
     }
 

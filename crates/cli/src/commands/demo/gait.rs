@@ -78,12 +78,12 @@ fn summary(gaits: &[Gait]) -> String {
 
 /// Fig. 5 for programs: the phases of the bins' centres, and the runs.
 #[derive(Serialize)]
-pub(super) struct Told<'a> {
+pub(super) struct GaitReport<'a> {
     phase_bins: Vec<f64>,
     runs: &'a [Gait],
 }
 
-impl<'a> Told<'a> {
+impl<'a> GaitReport<'a> {
     pub(super) fn new(gaits: &'a [Gait]) -> Self {
         Self { phase_bins: (0..PHASE_BINS).map(phase_of).collect(), runs: gaits }
     }

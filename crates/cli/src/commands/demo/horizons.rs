@@ -8,7 +8,7 @@ use fleetfoot::{
 use serde::Serialize;
 
 use crate::{
-    commands::rollout::told,
+    commands::rollout::printed_steps,
     table::{count, ratio, seconds, table},
 };
 
@@ -36,7 +36,7 @@ pub(super) fn to_text(curves: &[Curve], loop_: &str) -> String {
     let horizon = &first.rolled.rollouts.horizon;
     let lists = lists(curves);
     let header: Vec<&str> = std::iter::once("time").chain(lists.iter().map(|(name, _)| name.as_str())).collect();
-    let rows = told(horizon.time.len())
+    let rows = printed_steps(horizon.time.len())
         .into_iter()
         .map(|step| {
             let cell = |list: &[Estimate]| {
@@ -78,7 +78,7 @@ const PAPER: &str =
 
 /// Who is the best when.
 fn frontier(what: &str, lists: &[(String, &[Estimate])], horizon: &Horizon) -> String {
-    let told: Vec<String> = spans(lists)
+    let spans_text: Vec<String> = spans(lists)
         .iter()
         .map(|reign| {
             let (from, to) = (seconds(horizon.time[reign.first - 1]), seconds(horizon.time[reign.last - 1]));
@@ -86,12 +86,12 @@ fn frontier(what: &str, lists: &[(String, &[Estimate])], horizon: &Horizon) -> S
             format!("{} ({when})", lists[reign.model].0)
         })
         .collect();
-    format!("{what}: {}", told.join(", "))
+    format!("{what}: {}", spans_text.join(", "))
 }
 
 /// Fig. 8 for programs: scores with the ends of their intervals by step, and which model is the best when.
 #[derive(Serialize)]
-pub(super) struct Told<'a> {
+pub(super) struct HorizonReport<'a> {
     seconds: &'a [f64],
     scores: Vec<Scores>,
     best: Vec<Best>,
@@ -131,7 +131,7 @@ impl<'a> From<&'a Curve> for Simulations<'a> {
     }
 }
 
-impl<'a> Told<'a> {
+impl<'a> HorizonReport<'a> {
     pub(super) fn new(curves: &'a [Curve]) -> Self {
         let lists = lists(curves);
         let best = spans(&lists[..curves.len()]).into_iter().map(|reign| Best {
@@ -140,7 +140,7 @@ impl<'a> Told<'a> {
             last_step: reign.last,
         });
         let best = best.collect();
-        let triple = |own: &Estimate| [own.value, own.low, own.high];
+        let triple = |estimate: &Estimate| [estimate.value, estimate.low, estimate.high];
         let scores =
             lists.into_iter().map(|(model, list)| Scores { model, mahalanobis: list.iter().map(triple).collect() });
         Self {

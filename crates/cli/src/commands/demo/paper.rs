@@ -54,7 +54,7 @@ pub(super) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Erro
     if !(arguments.minutes > 0.0 && arguments.minutes.is_finite()) {
         return Err(Error::value(format!("--minutes {}: write minutes above 0", arguments.minutes)));
     }
-    let mut demo = Demo { context, folder: arguments.output.clone(), seed: arguments.seed, told: Map::new() };
+    let mut demo = Demo { context, folder: arguments.output.clone(), seed: arguments.seed, results: Map::new() };
     let logs = demo.logs(arguments.minutes)?;
     demo.gait(&logs)?;
     demo.fit(&logs)?;
@@ -63,7 +63,7 @@ pub(super) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Erro
     demo.report(&logs)?;
     demo.files();
     if context.json {
-        write_out(&format!("{:#}\n", Value::Object(demo.told)));
+        write_out(&format!("{:#}\n", Value::Object(demo.results)));
     }
     Ok(())
 }
@@ -72,7 +72,7 @@ struct Demo<'a> {
     context: &'a Context,
     folder: PathBuf,
     seed: u64,
-    told: Map<String, Value>,
+    results: Map<String, Value>,
 }
 
 /// The logs that were simulated.
@@ -119,9 +119,9 @@ impl Demo<'_> {
         self.data("train", &logs.training.runs, &logs.training_files())
     }
 
-    fn tell(&mut self, key: &str, told: impl Serialize, text: impl FnOnce() -> String) {
+    fn tell(&mut self, key: &str, report: impl Serialize, text: impl FnOnce() -> String) {
         if self.context.json {
-            self.told.insert(key.to_owned(), tree(told));
+            self.results.insert(key.to_owned(), tree(report));
         } else {
             write_out(&format!("{}\n", text().trim_end()));
         }
@@ -147,7 +147,7 @@ impl Demo<'_> {
         let faults = runs().filter(|run| run.end != fleetfoot::sim::End::Complete).count();
         let (rows, bytes) = (runs().map(|run| run.rows).sum(), runs().map(|run| run.bytes).sum());
         let seconds = runs().map(|run| run.seconds).sum();
-        let told = Simulated {
+        let simulated = Simulated {
             runs: runs().count(),
             rows,
             seconds,
@@ -156,7 +156,7 @@ impl Demo<'_> {
             training_runs: logs.training.runs.len(),
             held_out_runs: logs.held_out.runs.len(),
         };
-        self.tell("logs", told, || {
+        self.tell("logs", simulated, || {
             format!(
                 "{} runs to fit on and {} to score on: {} of running, {rows} rows of 1 ms, {} of MCAP; {faults} ended early, off the belt",
                 logs.training.runs.len(),
@@ -171,11 +171,11 @@ impl Demo<'_> {
     fn gait(&mut self, logs: &DemoLogs) -> Result<(), Error> {
         let recipe = self.cached(Recipe::read(&logs.training.recipe)?);
         let bar = self.context.bar();
-        let found = gaits(&recipe, &logs.drive, &logs.training_files(), &bar);
+        let gait_list = gaits(&recipe, &logs.drive, &logs.training_files(), &bar);
         bar.finish();
-        let found = found?;
+        let gait_list = gait_list?;
         self.context.say("");
-        self.tell("gait", gait::Told::new(&found), || gait::to_text(&found));
+        self.tell("gait", gait::GaitReport::new(&gait_list), || gait::to_text(&gait_list));
         Ok(())
     }
 
@@ -197,7 +197,7 @@ impl Demo<'_> {
         fitted.write(&path)?;
         let report = &fitted.report;
         self.context.notes(&report.summary().notes);
-        self.tell("table_1", table_one::Told::from(report), || {
+        self.tell("table_1", table_one::TableReport::from(report), || {
             format!("{}\n\n{}", table_one::to_text(report), table_one::paper())
         });
         Ok(())
@@ -236,7 +236,7 @@ impl Demo<'_> {
                 bar.finish();
                 curves.push(Curve { model, rolled: rolled? });
             }
-            self.tell(key, horizons::Told::new(&curves), || horizons::to_text(&curves, name));
+            self.tell(key, horizons::HorizonReport::new(&curves), || horizons::to_text(&curves, name));
         }
         Ok(())
     }
@@ -261,13 +261,13 @@ impl Demo<'_> {
         let drive_path = self.path("differential_drive.json");
         write_model(&drive?, &drive_path)?;
         let projected = self.plane(&drive_path, "plane_drive.parquet", logs)?;
-        self.tell("figure_9a", plane::Told::from(&projected), || {
+        self.tell("figure_9a", plane::PlaneReport::from(&projected), || {
             let title = "Fig. 9a. Mean Mahalanobis score of the differential drive (equation (2)): forward speed and yaw rate from the cranks";
             plane::map(&projected.plane, title, &PlaneCell::mean_score)
         });
         let finest = self.models()?.into_iter().find(|(name, _)| name == FINEST).map(|(_, path)| path);
         let projected = self.plane(&finest.unwrap_or_else(|| self.model()), "plane_transitions.parquet", logs)?;
-        self.tell("figure_9b", plane::Told::from(&projected), || {
+        self.tell("figure_9b", plane::PlaneReport::from(&projected), || {
             let title = format!(
                 "Fig. 9b. Transition ratio of {FINEST}: share of a cell's passages in which the region changes"
             );
@@ -324,7 +324,7 @@ impl Demo<'_> {
             "\nin {folder}: report.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
         ));
         if self.context.json {
-            self.told.insert("folder".into(), self.folder.display().to_string().into());
+            self.results.insert("folder".into(), self.folder.display().to_string().into());
         }
     }
 }

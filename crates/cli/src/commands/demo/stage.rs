@@ -56,7 +56,7 @@ const CANDIDATES: usize = 6;
 
 /// JSON report of the demo.
 #[derive(Serialize)]
-struct Told {
+struct DemoReport {
     folder: String,
     auto: Value,
     rollouts: Value,
@@ -76,13 +76,13 @@ pub(super) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Erro
     demo.log(arguments.seed)?;
     let recipe = demo.recipe()?;
     demo.check(&recipe)?;
-    let found = demo.auto(&recipe)?;
-    let rolled = demo.rollout(&found.model, &recipe)?;
+    let outcome = demo.auto(&recipe)?;
+    let rolled = demo.rollout(&outcome.model, &recipe)?;
     let code = demo.code()?;
     demo.page();
     if context.json {
         let folder = demo.folder.display().to_string();
-        context.print(Told { folder, auto: found.to_json(), rollouts: rolled.to_json(), code }, String::new);
+        context.print(DemoReport { folder, auto: outcome.to_json(), rollouts: rolled.to_json(), code }, String::new);
     }
     Ok(())
 }
@@ -161,16 +161,16 @@ impl Demo<'_> {
         output.check(&files)?;
         let logs = Logs::from(files.as_slice());
         let bar = self.context.bar();
-        let found = auto(recipe, &logs, &bar);
+        let outcome = auto(recipe, &logs, &bar);
         bar.finish();
-        let found = found?;
-        found.write(&output, &logs, &fleetfoot::Silent)?;
-        self.context.notes(&found.notes);
-        self.tell(&auto_command::to_text(&found, CANDIDATES));
-        if let Some(words) = machine(&found.model) {
+        let outcome = outcome?;
+        outcome.write(&output, &logs, &fleetfoot::Silent)?;
+        self.context.notes(&outcome.notes);
+        self.tell(&auto_command::to_text(&outcome, CANDIDATES));
+        if let Some(words) = machine(&outcome.model) {
             self.tell(&format!("\n{words}"));
         }
-        Ok(found)
+        Ok(outcome)
     }
 
     /// Simulations of the run that was not fitted, and one of them beside what was measured.
@@ -192,24 +192,25 @@ impl Demo<'_> {
         let names = ["q".to_owned()];
         let rows = read_rows(recipe, Some(&names), logs(), &fleetfoot::Silent)?;
         let measured = rows.columns.first().map_or(&[][..], |(_, values)| values);
-        let at = |time: f64| rows.seconds.partition_point(|&own| own < time - 1e-9);
+        let at = |time: f64| rows.seconds.partition_point(|&second| second < time - 1e-9);
         // The one whose carriage goes farthest.
-        let way = |own: &Trajectory| {
-            let (low, high) = (0..=own.steps()).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), step| {
-                (low.min(own.state(step)[0]), high.max(own.state(step)[0]))
+        let way = |trajectory: &Trajectory| {
+            let (low, high) = (0..=trajectory.steps()).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), step| {
+                (low.min(trajectory.state(step)[0]), high.max(trajectory.state(step)[0]))
             });
             high - low
         };
         let drawn = rolled.rollouts.trajectories.iter().max_by(|a, b| way(a).total_cmp(&way(b)));
-        if let Some(own) = drawn {
-            let begin = own.start.row as f64 * model.step;
-            let simulated: Vec<f64> = (0..=own.steps()).map(|step| 1e3 * own.state(step)[0]).collect();
-            let recorded = own.time.iter().map(|time| measured.get(at(begin + time)).map_or(f64::NAN, |q| 1e3 * q));
+        if let Some(trajectory) = drawn {
+            let begin = trajectory.start.row as f64 * model.step;
+            let simulated: Vec<f64> = (0..=trajectory.steps()).map(|step| 1e3 * trajectory.state(step)[0]).collect();
+            let recorded =
+                trajectory.time.iter().map(|time| measured.get(at(begin + time)).map_or(f64::NAN, |q| 1e3 * q));
             let curves = Curves {
                 title: "position of the carriage, mm: measured (.) and simulated from its first value (o), in a run that was not fitted",
                 measured: recorded.collect(),
                 simulated,
-                below: format!("0 to {} s", number(own.time.last().copied().unwrap_or(0.0))),
+                below: format!("0 to {} s", number(trajectory.time.last().copied().unwrap_or(0.0))),
             };
             self.tell(&format!("\n{}", curves.text()));
         }

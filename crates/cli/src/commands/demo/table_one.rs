@@ -24,11 +24,11 @@ const PAPER: [(&str, [f64; 8]); 6] = [
 const PAPER_COLUMNS: [&str; 8] = ["x''", "y''", "z''", "yaw''", "pitch''", "roll''", "alpha_l''", "alpha_r''"];
 
 pub(super) fn to_text(fitted: &PwaReport) -> String {
-    let found = &fitted.identification;
+    let identification = &fitted.identification;
     // Accelerations, without the room that "d()/dt" takes.
-    let names: Vec<String> = found.model.fitted().map(|equation| format!("{}'", equation.subject)).collect();
+    let names: Vec<String> = identification.model.fitted().map(|equation| format!("{}'", equation.subject)).collect();
     let header: Vec<&str> = std::iter::once("model").chain(names.iter().map(String::as_str)).collect();
-    let mut rows: Vec<Vec<String>> = found
+    let mut rows: Vec<Vec<String>> = identification
         .candidates
         .iter()
         .map(|score| {
@@ -41,16 +41,16 @@ pub(super) fn to_text(fitted: &PwaReport) -> String {
         })
         .collect();
     let line = |name: &str, cells: Vec<String>| std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>();
-    rows.push(line("sigma", found.sigma.iter().map(|&value| number(value)).collect()));
-    rows.push(line("units", units(found)));
+    rows.push(line("sigma", identification.sigma.iter().map(|&value| number(value)).collect()));
+    rows.push(line("units", units(identification)));
     format!(
         "Table I. Mean absolute error of the accelerations over the null model's, 10-fold cross-validated:\n\
          {} rows of {}; half-widths of {}\n{}\n{}",
-        found.rows,
+        identification.rows,
         count(fitted.summary.episodes, "run"),
-        interval_in_words(&found.basis),
+        interval_in_words(&identification.basis),
         table(&header, rows),
-        ordering(found)
+        ordering(identification)
     )
 }
 
@@ -70,27 +70,27 @@ pub(super) fn paper() -> String {
     )
 }
 
-fn units(found: &Identification) -> Vec<String> {
-    found.model.fitted().map(|equation| equation.unit.clone().unwrap_or_else(|| "-".into())).collect()
+fn units(identification: &Identification) -> Vec<String> {
+    identification.model.fitted().map(|equation| equation.unit.clone().unwrap_or_else(|| "-".into())).collect()
 }
 
 /// Pairs of candidates whose order the paper's table claims, of those that are there.
-fn pairs(found: &Identification) -> Vec<(usize, usize)> {
-    let place = |name: &str| found.candidates.iter().position(|score| score.specification.to_string() == name);
+fn pairs(identification: &Identification) -> Vec<(usize, usize)> {
+    let place = |name: &str| identification.candidates.iter().position(|score| score.specification.to_string() == name);
     let ladder: Vec<usize> = ["null", "average", "kmeans:10", "kmeans:50"].into_iter().filter_map(place).collect();
     ladder.windows(2).map(|pair| (pair[1], pair[0])).collect()
 }
 
 /// Order of the models by error, with the pairs that differ significantly.
-fn ordering(found: &Identification) -> String {
-    let name = |candidate: usize| found.candidates[candidate].specification.to_string();
-    pairs(found)
+fn ordering(identification: &Identification) -> String {
+    let name = |candidate: usize| identification.candidates[candidate].specification.to_string();
+    pairs(identification)
         .into_iter()
         .map(|(fine, coarse)| {
-            let ratios = found.error_ratio(fine, coarse);
+            let ratios = identification.error_ratio(fine, coarse);
             let doubtful: Vec<String> = ratios
                 .iter()
-                .zip(&found.targets)
+                .zip(&identification.targets)
                 // An interval that is not known proves nothing.
                 .filter(|(e, _)| e.high.is_nan() || e.high >= 1.0)
                 .map(|(e, target)| format!("{target} {} [{}, {}]", ratio(e.value), ratio(e.low), ratio(e.high)))
@@ -112,7 +112,7 @@ fn ordering(found: &Identification) -> String {
 
 /// Table I for programs, and what its authors measured.
 #[derive(Serialize)]
-pub(super) struct Told<'a> {
+pub(super) struct TableReport<'a> {
     targets: &'a [String],
     units: Vec<String>,
     sigma: &'a [f64],
@@ -158,24 +158,24 @@ struct Printed {
     values: [f64; 8],
 }
 
-impl<'a> From<&'a PwaReport> for Told<'a> {
+impl<'a> From<&'a PwaReport> for TableReport<'a> {
     fn from(fitted: &'a PwaReport) -> Self {
-        let found = &fitted.identification;
-        let name = |candidate: usize| found.candidates[candidate].specification.to_string();
+        let identification = &fitted.identification;
+        let name = |candidate: usize| identification.candidates[candidate].specification.to_string();
         let pair = |(fine, coarse)| Pair {
             fine: name(fine),
             coarse: name(coarse),
-            error_ratio: intervals(&found.error_ratio(fine, coarse)),
+            error_ratio: intervals(&identification.error_ratio(fine, coarse)),
         };
         Self {
-            targets: &found.targets,
-            units: units(found),
-            sigma: &found.sigma,
-            rows: found.rows,
+            targets: &identification.targets,
+            units: units(identification),
+            sigma: &identification.sigma,
+            rows: identification.rows,
             runs: fitted.summary.episodes,
-            intervals: interval_in_words(&found.basis),
-            models: found.candidates.iter().map(Row::from).collect(),
-            ordering: pairs(found).into_iter().map(pair).collect(),
+            intervals: interval_in_words(&identification.basis),
+            models: identification.candidates.iter().map(Row::from).collect(),
+            ordering: pairs(identification).into_iter().map(pair).collect(),
             paper: PAPER.iter().map(|&(model, values)| Printed { model, values }).collect(),
         }
     }
