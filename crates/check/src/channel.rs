@@ -156,7 +156,7 @@ impl Sums {
         let delta = other.mean - self.mean;
         self.squares += other.squares + delta * delta * self.rows as f64 * other.rows as f64 / rows;
         self.mean += delta * other.rows as f64 / rows;
-        let end = |own: f64, count: u64, other: f64, others: u64| match own.total_cmp(&other) {
+        let end = |ours: f64, count: u64, other: f64, others: u64| match ours.total_cmp(&other) {
             std::cmp::Ordering::Equal => count + others,
             std::cmp::Ordering::Less => count,
             std::cmp::Ordering::Greater => others,
@@ -214,13 +214,13 @@ impl Channels {
             || vec![Sums::default(); channels.len()],
             |found: &mut Vec<Sums>, _, block: &Block, rows| -> Result<(), Error> {
                 let core = block.before + rows.start..block.before + rows.end;
-                for ((own, channel), step) in found.iter_mut().zip(channels).zip(&steps) {
-                    own.add(block.column(channel.place), core.clone(), *step);
+                for ((sum, channel), step) in found.iter_mut().zip(channels).zip(&steps) {
+                    sum.add(block.column(channel.place), core.clone(), *step);
                 }
                 Ok(())
             },
             |_, found| -> Result<(), Error> {
-                sums.iter_mut().zip(found).for_each(|(own, other)| own.merge(other));
+                sums.iter_mut().zip(found).for_each(|(sum, other)| sum.merge(other));
                 Ok(())
             },
         )?;
@@ -263,7 +263,7 @@ impl Channels {
     fn of_channel(&self, channel: &Channel, sums: &Sums, step: f64) -> Vec<Finding> {
         let name = channel.column.name.as_str();
         let mut findings = Vec::new();
-        let mut found = |fault, value: (f64, String), mend: &dyn std::fmt::Display| {
+        let mut push = |fault, value: (f64, String), mend: &dyn std::fmt::Display| {
             findings.push(Finding::new(fault, name, value, mend.to_string()))
         };
         if let ColumnKind::Category(names) = &channel.column.kind {
@@ -272,7 +272,7 @@ impl Channels {
             if numbers * 2 > names.len() {
                 let share = numbers as f64 / names.len() as f64;
                 let first = names.iter().find(|text| !number(text)).or(names.first()).map_or("", String::as_str);
-                found(
+                push(
                     Fault::Text,
                     (
                         share,
@@ -285,7 +285,7 @@ impl Channels {
         }
         let missing = sums.missing as f64 / self.rows.max(1) as f64;
         if missing > MISSING {
-            found(
+            push(
                 Fault::Missing,
                 (missing, format!("{:.1} % of its rows have no value", 100.0 * missing)),
                 &format_args!(
@@ -297,7 +297,7 @@ impl Channels {
             return findings;
         }
         if sums.is_dead() {
-            found(
+            push(
                 Fault::Dead,
                 (sums.least, format!("it is {} in every row", sums.least)),
                 &"leave it out of states and inputs, or move it when you record",
@@ -310,11 +310,14 @@ impl Channels {
         let rows = sums.rows as f64;
         let gross = sums.gross as f64 / rows;
         if gross > GROSS {
-            found(
+            push(
                 Fault::GrossErrors,
                 (
                     gross,
-                    format!("{:.2} % of its values differ from both neighbours by {FAR} usual steps or more", 100.0 * gross),
+                    format!(
+                        "{:.2} % of its values differ from both neighbours by {FAR} usual steps or more",
+                        100.0 * gross
+                    ),
                 ),
                 &format_args!("{prepare_command} takes them out", prepare_command = PREPARE.with(HAMPEL.to(5))),
             );
@@ -322,7 +325,7 @@ impl Channels {
         let still = sums.longest as f64 * step;
         let is_lively = sums.moves() + sums.longest as f64 / rows > LIVELY;
         if is_lively && sums.longest >= STILL_ROWS && (step <= 0.0 || still >= STILL_SECONDS) {
-            found(
+            push(
                 Fault::Stuck,
                 (
                     sums.longest as f64,
@@ -335,7 +338,7 @@ impl Channels {
         let at_end = sums.at_least.max(sums.at_most) as f64 / rows;
         if channel.part != Part::Input && !few_levels && at_end > AT_END && sums.moves() > 0.5 {
             let end = if sums.at_least > sums.at_most { sums.least } else { sums.most };
-            found(
+            push(
                 Fault::Saturated,
                 (at_end, format!("{:.1} % of its rows are at {end}, the end of its range", 100.0 * at_end)),
                 &format_args!("leave these rows out ({WHERE}); a sensor with a wider range measures them"),
@@ -343,7 +346,7 @@ impl Channels {
         }
         let coarse = sums.step / sums.deviation();
         if channel.part != Part::Input && !few_levels && coarse > COARSE && sums.moves() < 0.5 {
-            found(
+            push(
                 Fault::Quantised,
                 (
                     coarse,
@@ -405,7 +408,7 @@ mod tests {
             let mut whole = Sums::default();
             whole.merge(sums);
             let channels = Channels { sums: vec![whole], rows: 5000 };
-            channels.of_channel(&channel("x"), channels.of(0), 0.01).iter().map(|own| own.fault).collect()
+            channels.of_channel(&channel("x"), channels.of(0), 0.01).iter().map(|finding| finding.fault).collect()
         };
         assert_eq!(faults(&wave), []);
         assert_eq!(faults(&|_| 3.5), [Fault::Dead]);

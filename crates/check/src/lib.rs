@@ -84,7 +84,7 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     notes.extend_from_slice(dataset.notes());
     let view = dataset.view()?;
     let clocks: Vec<&str> =
-        infos.iter().filter_map(|info| info.clock.as_ref()).map(|own| own.column.as_str()).collect();
+        infos.iter().filter_map(|info| info.clock.as_ref()).map(|clock| clock.column.as_str()).collect();
     let columns = view.columns().iter().enumerate().filter(|(_, column)| !clocks.contains(&column.name.as_str()));
     let mut channels: Vec<Channel> = columns.map(|(at, column)| channel(recipe, column, at)).collect();
     if channels.len() > MOST {

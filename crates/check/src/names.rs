@@ -59,27 +59,27 @@ pub(crate) struct Words {
 
 impl Words {
     pub(crate) fn of(name: &str) -> Self {
-        let mut found = Self { rest: Vec::new(), rate: false, acceleration: false, angle: false };
+        let mut words = Self { rest: Vec::new(), rate: false, acceleration: false, angle: false };
         for word in split(name) {
-            found.acceleration |= ACCELERATIONS.contains(&word.as_str());
-            found.angle |= ANGLES.contains(&word.as_str());
+            words.acceleration |= ACCELERATIONS.contains(&word.as_str());
+            words.angle |= ANGLES.contains(&word.as_str());
             if RATES.contains(&word.as_str()) {
-                found.rate = true;
+                words.rate = true;
             } else if PLACES.contains(&word.as_str()) {
             } else if let Some(axis) = word.strip_suffix("dot").filter(|axis| AXES.contains(axis)) {
-                found.rate = true;
-                found.rest.push(axis.to_owned());
+                words.rate = true;
+                words.rest.push(axis.to_owned());
             } else if let Some(axis) = word.strip_prefix(['v', 'd']).filter(|axis| AXES.contains(axis)) {
-                found.rate = true;
-                found.rest.push(axis.to_owned());
+                words.rate = true;
+                words.rest.push(axis.to_owned());
             } else if let Some(axis) = word.strip_suffix('d').filter(|axis| AXES.contains(axis)) {
-                found.rate = true;
-                found.rest.push(axis.to_owned());
+                words.rate = true;
+                words.rest.push(axis.to_owned());
             } else {
-                found.rest.push(word);
+                words.rest.push(word);
             }
         }
-        found
+        words
     }
 
     /// Returns true if the name is that of the other's rate.

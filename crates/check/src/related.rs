@@ -69,8 +69,10 @@ pub(crate) fn findings(
     progress.stage("pairs of channels");
     let compared = parallel_map(pairs.len(), progress, |at| {
         let (place, rate) = pairs[at];
-        let found = compare(channels, sample, place, rate);
-        Ok::<Option<Finding>, Error>(found.and_then(|found| of_rate(channels, sample, (place, rate), found)))
+        let rate_match = compare(channels, sample, place, rate);
+        Ok::<Option<Finding>, Error>(
+            rate_match.and_then(|rate_match| of_rate(channels, sample, (place, rate), rate_match)),
+        )
     })?;
     findings.extend(compared.into_iter().flatten());
     findings.extend(swapped(channels, &words, sample, &usable));
@@ -81,12 +83,12 @@ pub(crate) fn findings(
 }
 
 /// Finding about a channel whose name is that of another's rate.
-fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize), found: Match) -> Option<Finding> {
-    if found.best.abs() < ALIKE {
+fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize), rate_match: Match) -> Option<Finding> {
+    if rate_match.best.abs() < ALIKE {
         return None;
     }
     let (of, name) = (&channels[place].column.name, &channels[rate].column.name);
-    let ratio = found.ratio.abs();
+    let ratio = rate_match.ratio.abs();
     let factor = FACTORS
         .iter()
         .find(|(factor, _)| [*factor, 1.0 / factor].iter().any(|factor| (ratio / factor - 1.0).abs() < NEAR));
@@ -94,35 +96,41 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
         return Some(Finding::new(
             Fault::Unit,
             name,
-            (found.ratio, format!("it is {:.4} times the derivative of `{of}`: {units} are mixed", found.ratio)),
+            (
+                rate_match.ratio,
+                format!("it is {:.4} times the derivative of `{of}`: {units} are mixed", rate_match.ratio),
+            ),
             format!("in the recipe: {COLUMNS} with an expression that converts one of them, and its unit"),
         ));
     }
     if (ratio - 1.0).abs() > ONE {
         return None;
     }
-    if found.ratio < 0.0 {
+    if rate_match.ratio < 0.0 {
         return Some(Finding::new(
             Fault::Sign,
             name,
             (
-                found.ratio,
-                format!("it is {:.3} times the derivative of `{of}`: one of them has the wrong sign", found.ratio),
+                rate_match.ratio,
+                format!("it is {:.3} times the derivative of `{of}`: one of them has the wrong sign", rate_match.ratio),
             ),
             format!("in the recipe: {COLUMNS} with a minus before one of them"),
         ));
     }
-    let better = 1.0 - found.best.abs() < BETTER * (1.0 - found.plain.abs());
-    (found.late != 0 && better).then(|| {
-        let seconds = found.late as f64 * sample.period();
+    let better = 1.0 - rate_match.best.abs() < BETTER * (1.0 - rate_match.plain.abs());
+    (rate_match.late != 0 && better).then(|| {
+        let seconds = rate_match.late as f64 * sample.period();
         let (late, early) = if seconds > 0.0 { (name, of) } else { (of, name) };
         Finding::new(
             Fault::Delay,
             late,
-            (seconds.abs(), format!("it lags by {:.4} s ({} rows) behind `{early}`", seconds.abs(), found.late.abs())),
+            (
+                seconds.abs(),
+                format!("it lags by {:.4} s ({} rows) behind `{early}`", seconds.abs(), rate_match.late.abs()),
+            ),
             format!(
                 "in the recipe: {COLUMNS} with `lead({late}, {})`, or {CLOCKS} if another clock stamps it",
-                found.late.abs()
+                rate_match.late.abs()
             ),
         )
     })
@@ -135,7 +143,7 @@ fn swapped(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usi
     let is_rate = |rate: usize, place: usize| words[rate].is_rate_of(&words[place]);
     let strong = |place: usize, rate: usize| {
         compare(channels, sample, place, rate)
-            .is_some_and(|found| found.best.abs() > ALIKE && (found.ratio.abs() - 1.0).abs() < ONE)
+            .is_some_and(|rate_match| rate_match.best.abs() > ALIKE && (rate_match.ratio.abs() - 1.0).abs() < ONE)
     };
     for (at, &one) in usable.iter().enumerate() {
         for &other in &usable[at + 1..] {
@@ -144,9 +152,9 @@ fn swapped(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usi
                 continue;
             }
             let rate_of = |place: usize| usable.iter().copied().find(|&rate| is_rate(rate, place));
-            let (Some(own), Some(cross)) = (rate_of(one), rate_of(other)) else { continue };
-            if !strong(one, own) && !strong(other, cross) && strong(one, cross) && strong(other, own) {
-                let names = [own, cross].map(|at| channels[at].column.name.as_str());
+            let (Some(direct), Some(cross)) = (rate_of(one), rate_of(other)) else { continue };
+            if !strong(one, direct) && !strong(other, cross) && strong(one, cross) && strong(other, direct) {
+                let names = [direct, cross].map(|at| channels[at].column.name.as_str());
                 findings.push(Finding::new(
                     Fault::SwappedAxes,
                     names[0],
@@ -171,7 +179,7 @@ fn duplicates(channels: &[Channel], sample: &Sample, usable: &[usize]) -> Vec<Fi
     for (at, &one) in usable.iter().enumerate() {
         let same = |&&other: &&usize| {
             let mut stretches = sample.stretches.iter();
-            stretches.all(|own| own.columns[one] == own.columns[other])
+            stretches.all(|stretch| stretch.columns[one] == stretch.columns[other])
         };
         if let Some(&other) = usable[at + 1..].iter().find(same) {
             findings.push(Finding::new(
@@ -194,12 +202,12 @@ fn angles(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usiz
         if channels[at].column.unit.as_deref().is_some_and(degrees) {
             continue;
         }
-        let steps = sample.stretches.iter().flat_map(|own| own.columns[at].windows(2));
+        let steps = sample.stretches.iter().flat_map(|stretch| stretch.columns[at].windows(2));
         let jumps = steps.filter(|pair| (300.0..=360.5).contains(&(pair[1] - pair[0]).abs())).count();
         let within = sample
             .stretches
             .iter()
-            .flat_map(|own| &own.columns[at])
+            .flat_map(|stretch| &stretch.columns[at])
             .all(|value| value.is_nan() || value.abs() <= 361.0);
         if jumps > 0 && within {
             findings.push(Finding::new(
@@ -261,7 +269,7 @@ fn compare(channels: &[Channel], sample: &Sample, place: usize, rate: usize) -> 
     let signals: Vec<(Vec<f64>, Vec<f64>)> = sample
         .stretches
         .iter()
-        .map(|own| (smoothed(&derivative(own, place, channels[place].angle)), smoothed(&own.columns[rate])))
+        .map(|stretch| (smoothed(&derivative(stretch, place, channels[place].angle)), smoothed(&stretch.columns[rate])))
         .collect();
     let at = |late: isize| correlation(&signals, late);
     let plain = at(0)?;
@@ -277,16 +285,16 @@ fn compare(channels: &[Channel], sample: &Sample, place: usize, rate: usize) -> 
 /// Central differences; of an angle those of the shorter way round.
 fn derivative(stretch: &Stretch, channel: usize, angle: bool) -> Vec<f64> {
     let (time, values) = (&stretch.time, &stretch.columns[channel]);
-    let mut found = vec![f64::NAN; values.len()];
+    let mut slopes = vec![f64::NAN; values.len()];
     for row in 1..values.len().saturating_sub(1) {
         let mut rise = values[row + 1] - values[row - 1];
         if angle {
             rise -= 2.0 * PI * (rise / (2.0 * PI)).round();
         }
         let span = time[row + 1] - time[row - 1];
-        found[row] = if span > 0.0 { rise / span } else { f64::NAN };
+        slopes[row] = if span > 0.0 { rise / span } else { f64::NAN };
     }
-    found
+    slopes
 }
 
 /// Means of so many rows.
@@ -353,7 +361,7 @@ mod tests {
         let channels =
             names.map(|name| Channel { column: Column::float(name), place: 0, part: Part::State, angle: false });
         let found = compare(&channels, &sample, 0, 1).and_then(|found| of_rate(&channels, &sample, (0, 1), found));
-        found.iter().map(|own| (own.fault, own.value)).collect()
+        found.iter().map(|finding| (finding.fault, finding.value)).collect()
     }
 
     #[test]

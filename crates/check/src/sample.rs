@@ -48,7 +48,7 @@ impl Sample {
 
     /// Seconds between rows, in the median.
     pub(crate) fn period(&self) -> f64 {
-        let steps = self.stretches.iter().flat_map(|own| own.time.windows(2).map(|pair| pair[1] - pair[0]));
+        let steps = self.stretches.iter().flat_map(|stretch| stretch.time.windows(2).map(|pair| pair[1] - pair[0]));
         let mut steps: Vec<f64> = steps.collect();
         if steps.is_empty() {
             return 0.0;
@@ -62,7 +62,7 @@ impl Sample {
     pub(crate) fn usual_step(&self, channel: usize) -> f64 {
         let stretches = self.stretches.iter();
         let mut steps: Vec<f64> = stretches
-            .flat_map(|own| own.columns[channel].windows(2).map(|pair| (pair[1] - pair[0]).abs()))
+            .flat_map(|stretch| stretch.columns[channel].windows(2).map(|pair| (pair[1] - pair[0]).abs()))
             .filter(|step| step.is_finite())
             .collect();
         if steps.is_empty() {

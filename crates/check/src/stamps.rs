@@ -34,7 +34,10 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                 findings.push(Finding::new(
                     Fault::Backward,
                     &name,
-                    (clock.backward as f64, format!("{} stamps are earlier than the stamp of the row above", clock.backward)),
+                    (
+                        clock.backward as f64,
+                        format!("{} stamps are earlier than the stamp of the row above", clock.backward),
+                    ),
                     format!(
                         "each begins an episode; sort the rows, or name another clock ({given_time})",
                         given_time = TIME.to("COLUMN")
@@ -103,11 +106,11 @@ pub(crate) fn of_rows(view: &dyn Source, progress: &dyn Progress) -> Result<Vec<
         Ok::<Periods, Error>(Periods::of(&stamps))
     })?;
     let mut sum = Periods::default();
-    for own in episodes {
-        sum.rows += own.rows;
-        sum.off += own.off;
-        sum.dropped += own.dropped;
-        sum.bursts += own.bursts;
+    for episode in episodes {
+        sum.rows += episode.rows;
+        sum.off += episode.off;
+        sum.dropped += episode.dropped;
+        sum.bursts += episode.bursts;
     }
     Ok(sum.findings())
 }
