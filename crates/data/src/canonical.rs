@@ -68,9 +68,9 @@ mod tests {
         all.count(258);
         all.text("ab");
         all.numbers(&[1.0, -f64::NAN]);
-        let told: String = all.as_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
+        let hex: String = all.as_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(
-            told,
+            hex,
             "07\
              0201000000000000\
              02000000000000006162\

@@ -344,9 +344,9 @@ mod tests {
         with_threads(1, || {
             assert_eq!(waits(), None);
             // Of the outer pieces the last one alone may share, and of its inner ones the last.
-            let found = parallel_all(2, |_| (waits(), parallel_all(2, |_| waits())));
+            let sums = parallel_all(2, |_| (waits(), parallel_all(2, |_| waits())));
             let alone = (Some(true), vec![Some(true); 2]);
-            assert_eq!(found, [alone, (Some(false), vec![Some(true), Some(false)])]);
+            assert_eq!(sums, [alone, (Some(false), vec![Some(true), Some(false)])]);
             assert_eq!(waits(), None);
         });
         let nested = |threads| {

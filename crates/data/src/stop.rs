@@ -107,7 +107,7 @@ mod tests {
     fn work_ends_at_a_checkpoint_on_every_thread() {
         for threads in [1, 3] {
             let stop = Stop::default();
-            let found = with_threads(threads, || {
+            let outcome = with_threads(threads, || {
                 stoppable(&stop, || {
                     parallel_map(8, &Silent, |i| {
                         if i == 5 {
@@ -125,14 +125,14 @@ mod tests {
                     })
                 })
             });
-            assert!(matches!(found, Err(Cancelled) | Ok(Err(Cancelled))));
+            assert!(matches!(outcome, Err(Cancelled) | Ok(Err(Cancelled))));
         }
     }
 
     #[test]
     fn results_that_are_not_all_there_are_none() {
         let stop = Stop::default();
-        let found = stoppable(&stop, || {
+        let outcome = stoppable(&stop, || {
             parallel_all(1000, |i| {
                 if i == 3 {
                     stop.set();
@@ -140,7 +140,7 @@ mod tests {
             })
             .len()
         });
-        assert_eq!(found, Err(Cancelled));
+        assert_eq!(outcome, Err(Cancelled));
         assert_eq!(stoppable(&Stop::default(), || parallel_all(5, |i| i * i)), Ok(vec![0, 1, 4, 9, 16]));
     }
 

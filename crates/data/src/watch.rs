@@ -72,7 +72,7 @@ impl Watch {
     fn look(&self, episode: usize, block: &Block) {
         // What the first value of a window has become when the last one is added.
         let oldest = (0..VALUES).fold(1_u64, |power, _| power.wrapping_mul(FACTOR));
-        let mut found = Vec::new();
+        let mut rows = Vec::new();
         for &(field, name) in &self.fields {
             let values = &block.columns[field];
             let mut sum = 0_u64;
@@ -85,12 +85,12 @@ impl Watch {
                 let slot = hash >> (64 - SIEVE_BITS);
                 let may_be = self.sieve[(slot >> 6) as usize] >> (slot & 63) & 1 == 1;
                 if may_be && at + 1 >= VALUES && self.wanted.contains_key(&hash) {
-                    found.push((episode, hash));
+                    rows.push((episode, hash));
                 }
             }
         }
-        if !found.is_empty() {
-            self.found.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
+        if !rows.is_empty() {
+            self.found.lock().unwrap_or_else(PoisonError::into_inner).extend(rows);
         }
     }
 
