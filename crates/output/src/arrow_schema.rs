@@ -246,9 +246,9 @@ mod tests {
 
     #[test]
     fn units_come_back_by_name() {
-        let found = fields(&encode(&columns()));
+        let units = fields(&encode(&columns()));
         let expected = [("x", "m"), ("n", "1/s"), ("mode", "")];
-        assert_eq!(found, expected.into_iter().map(|(name, unit)| (vec![name.to_owned()], with_unit(unit))).collect());
+        assert_eq!(units, expected.into_iter().map(|(name, unit)| (vec![name.to_owned()], with_unit(unit))).collect());
         assert!(fields(&encode(&[])).is_empty());
     }
 
@@ -263,11 +263,11 @@ mod tests {
     /// `{s: duration[s], ms: duration[ms], a: struct<us: duration[us] {unit: us}>, ns: dictionary<duration[ns]>, i: int64}`, as pyarrow 26 writes it.
     #[test]
     fn durations_have_the_nanoseconds_of_a_count() {
-        let found = fields(include_str!("arrow_schema_durations.txt").trim());
-        let durations: Vec<_> = found.iter().map(|(path, field)| (path.join("."), field.duration.unwrap())).collect();
+        let units = fields(include_str!("arrow_schema_durations.txt").trim());
+        let durations: Vec<_> = units.iter().map(|(path, field)| (path.join("."), field.duration.unwrap())).collect();
         let expected = [("a.us", 1_000), ("ms", 1_000_000), ("ns", 1), ("s", 1_000_000_000)];
         assert_eq!(durations, expected.map(|(path, count)| (path.to_owned(), count)));
-        assert_eq!(found[&["a".to_owned(), "us".to_owned()][..]].unit.as_deref(), Some("us"));
+        assert_eq!(units[&["a".to_owned(), "us".to_owned()][..]].unit.as_deref(), Some("us"));
     }
 
     #[test]

@@ -26,15 +26,15 @@ impl Destination {
     pub(crate) fn of(path: &Path) -> io::Result<Self> {
         let mut at = path.to_path_buf();
         for _ in 0..MAX_LINKS {
-            let found = match fs::symlink_metadata(&at) {
+            let identity = match fs::symlink_metadata(&at) {
                 Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Self::File(at)),
                 other => other?,
             };
-            if found.is_dir() {
+            if identity.is_dir() {
                 return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder; name a file in it"));
             }
-            if !found.is_symlink() {
-                return Ok(if found.is_file() { Self::File(at) } else { Self::Stream(path.into()) });
+            if !identity.is_symlink() {
+                return Ok(if identity.is_file() { Self::File(at) } else { Self::Stream(path.into()) });
             }
             // The links of open files (`/dev/stdout` leads there) name no path that could be opened.
             if folder(&at).canonicalize()?.starts_with("/proc") {
@@ -124,7 +124,7 @@ fn identities(input: &Path) -> Vec<Identity> {
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
     let same = |a: fs::Metadata, b: fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
-    file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(own, there)| same(own, there))
+    file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(here, there)| same(here, there))
 }
 
 /// Returns true if an open file is the one that has this name.

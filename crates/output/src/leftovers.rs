@@ -43,12 +43,12 @@ pub(crate) fn remove_once(target: &Path) {
             folders.clear();
         }
         let begun = folders.get(folder(target)).map_or(0, |folder| folder.begun.len());
-        let own = folders.entry(folder(target).to_path_buf()).or_default();
-        if begun == 0 || begun >= MOST_NAMES || own.begun.contains(name) {
-            *own = Listed { unfinished: Arc::new(unfinished(folder(target))), begun: HashSet::new() };
+        let leftovers = folders.entry(folder(target).to_path_buf()).or_default();
+        if begun == 0 || begun >= MOST_NAMES || leftovers.begun.contains(name) {
+            *leftovers = Listed { unfinished: Arc::new(unfinished(folder(target))), begun: HashSet::new() };
         }
-        own.begun.insert(name.to_owned());
-        own.unfinished.clone()
+        leftovers.begun.insert(name.to_owned());
+        leftovers.unfinished.clone()
     };
     remove(target, &listed);
 }

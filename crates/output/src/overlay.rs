@@ -101,13 +101,13 @@ mod tests {
         overlay.finish().unwrap();
 
         let bytes = std::fs::read(&path).unwrap();
-        let found: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
-        assert_eq!(found.len(), 2);
+        let messages: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
+        assert_eq!(messages.len(), 2);
         assert_eq!(
-            (found[0].channel.topic.as_str(), found[0].log_time, found[0].publish_time),
+            (messages[0].channel.topic.as_str(), messages[0].log_time, messages[0].publish_time),
             ("/fleetfoot/predicted", 2_500_000_000, 2_500_000_000)
         );
-        assert_eq!(found[0].channel.schema.as_ref().unwrap().name, "sensor_msgs/msg/JointState");
+        assert_eq!(messages[0].channel.schema.as_ref().unwrap().name, "sensor_msgs/msg/JointState");
         #[rustfmt::skip]
         let mut expected = vec![
             0, 1, 0, 0,
@@ -121,8 +121,8 @@ mod tests {
         expected.extend(1.5f64.to_le_bytes());
         expected.extend(f64::NAN.to_le_bytes());
         expected.extend([0; 8]);
-        assert_eq!(found[0].data, expected);
-        assert_eq!((found[1].channel.topic.as_str(), found[1].log_time), ("/fleetfoot/residual", 1_500_000_000));
+        assert_eq!(messages[0].data, expected);
+        assert_eq!((messages[1].channel.topic.as_str(), messages[1].log_time), ("/fleetfoot/residual", 1_500_000_000));
     }
 
     #[test]

@@ -101,10 +101,12 @@ impl Buffer {
     /// Takes the rows in `from..to` over; `false` for values of another kind.
     fn append(&mut self, values: &Values<'_>, from: usize, to: usize) -> bool {
         match (self, values) {
-            (Self::Float(own), Values::Float(values)) => own.extend_from_slice(&values[from..to]),
-            (Self::Integer(own), Values::Integer(values)) => own.extend_from_slice(&values[from..to]),
-            (Self::Boolean(own), Values::Boolean(values)) => own.extend_from_slice(&values[from..to]),
-            (Self::Text(own), Values::Text(values)) => own.extend(values[from..to].iter().map(|&text| text.into())),
+            (Self::Float(column), Values::Float(values)) => column.extend_from_slice(&values[from..to]),
+            (Self::Integer(column), Values::Integer(values)) => column.extend_from_slice(&values[from..to]),
+            (Self::Boolean(column), Values::Boolean(values)) => column.extend_from_slice(&values[from..to]),
+            (Self::Text(column), Values::Text(values)) => {
+                column.extend(values[from..to].iter().map(|&text| text.into()))
+            }
             _ => return false,
         }
         true
