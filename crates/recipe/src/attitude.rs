@@ -36,7 +36,7 @@ impl State {
     pub fn rotation_part(&self) -> Option<RotationPart> {
         let kind = self.kind?.rotation()?;
         let (group, letter) = self.part.as_deref()?.rsplit_once('.')?;
-        let part = kind.letters().iter().position(|own| *own == letter)?;
+        let part = kind.letters().iter().position(|place_letter| *place_letter == letter)?;
         Some(RotationPart { group: group.to_owned(), kind, part })
     }
 
@@ -80,7 +80,7 @@ impl State {
         let columns = self.columns_of(name, kind, &place, aliases, fields)?;
         let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
         let known = self.kinematics(kind, &names, &place, aliases, fields)?;
-        let part = |((at, (own, column)), known): ((usize, (String, Option<String>)), String)| {
+        let part = |((at, (part_name, column)), known): ((usize, (String, Option<String>)), String)| {
             let state = State {
                 column,
                 known: Some(known),
@@ -89,7 +89,7 @@ impl State {
                 regressor: Some(self.regressor.unwrap_or(false)),
                 ..State::default()
             };
-            (own, state)
+            (part_name, state)
         };
         Ok(Some(columns.into_iter().enumerate().zip(known).map(part).collect()))
     }
@@ -124,9 +124,7 @@ impl State {
         let letters = kind.letters();
         if let Some(columns) = &self.columns {
             if self.column.is_some() {
-                return Err(Error::conflict(format!(
-                    "{place}: it has both `column` and `columns`; keep one of them"
-                )));
+                return Err(Error::conflict(format!("{place}: it has both `column` and `columns`; keep one of them")));
             }
             if columns.len() != letters.len() {
                 return Err(Error::value(format!(
@@ -139,7 +137,7 @@ impl State {
             }
             let order = self.order_of(columns, kind, place)?;
             let named = |letter: &&str| {
-                let at = order.iter().position(|own| own == letter).unwrap_or_default();
+                let at = order.iter().position(|given| given == letter).unwrap_or_default();
                 (columns[at].clone(), None)
             };
             return Ok(letters.iter().map(named).collect());
@@ -154,11 +152,11 @@ impl State {
         for separator in SEPARATORS {
             let texts: Vec<String> = letters.iter().map(|letter| format!("{beginning}{separator}{letter}")).collect();
             if texts.iter().all(is_known) {
-                let own = |(letter, text): (&&str, String)| match beginning == name {
+                let given = |(letter, text): (&&str, String)| match beginning == name {
                     true => (text, None),
                     false => (format!("{name}.{letter}"), Some(text)),
                 };
-                return Ok(letters.iter().zip(texts).map(own).collect());
+                return Ok(letters.iter().zip(texts).map(given).collect());
             }
         }
         Err(Error::unknown(
@@ -174,7 +172,7 @@ impl State {
     /// The letter of every column: by `order`, else their last ones.
     fn order_of(&self, columns: &[String], kind: RotationKind, place: &str) -> Result<Vec<String>, Error> {
         let letters = kind.letters();
-        let is_order = |order: &[String]| letters.iter().all(|letter| order.iter().any(|own| own == letter));
+        let is_order = |order: &[String]| letters.iter().all(|letter| order.iter().any(|given| given == letter));
         if let Some(text) = &self.order {
             let order: Vec<String> = text.chars().map(String::from).collect();
             return match order.len() == letters.len() && is_order(&order) {
@@ -218,10 +216,12 @@ impl State {
         let stands_for = |i: usize| Expr::column(format!("\u{1}{i}"));
         let rates: [Expr; 3] = std::array::from_fn(stands_for);
         let world = self.frame == Some(Frame::World);
-        let own = |at: usize| Expr::column(names[at].as_str());
+        let axis = |at: usize| Expr::column(names[at].as_str());
         let sides: Vec<Expr> = match kind {
-            RotationKind::Quaternion => Quaternion::new(own(1), own(2), own(3), own(0)).rates(&rates, world).to_vec(),
-            RotationKind::Vector => rotation_vector_rates(&[own(0), own(1), own(2)], &rates, world).to_vec(),
+            RotationKind::Quaternion => {
+                Quaternion::new(axis(1), axis(2), axis(3), axis(0)).rates(&rates, world).to_vec()
+            }
+            RotationKind::Vector => rotation_vector_rates(&[axis(0), axis(1), axis(2)], &rates, world).to_vec(),
         };
         let with_rates = |side: Expr| {
             let mut text = side.to_string();

@@ -53,7 +53,10 @@ impl GroupRule {
             GroupWords::Named(named) => named.clone(),
         };
         if named.is_empty() {
-            return Err(Error::value(format!("{}: no group is given; write {ALLOWED}", Section(section).entry("groups"))));
+            return Err(Error::value(format!(
+                "{}: no group is given; write {ALLOWED}",
+                Section(section).entry("groups")
+            )));
         }
         match named.iter().find(|(_, list)| list.iter().all(String::is_empty)) {
             Some((name, _)) => Err(Error::value(format!(
@@ -162,10 +165,10 @@ fn named_key<'a>(named: &'a BTreeMap<String, Vec<String>>, function: &Expr) -> R
     let holds = |list: &[String]| list.contains(&text) || all(list);
     let mut holding = named.iter().filter(|(_, list)| holds(list)).map(|(name, _)| name.as_str());
     match (holding.next(), holding.next()) {
-        (Some(one), Some(other)) => {
-            Err(Error::conflict(format!("groups {one} and {other} both have `{text}`; a function may be in one group only")))
-        }
-        (found, _) => Ok(found),
+        (Some(one), Some(other)) => Err(Error::conflict(format!(
+            "groups {one} and {other} both have `{text}`; a function may be in one group only"
+        ))),
+        (key, _) => Ok(key),
     }
 }
 

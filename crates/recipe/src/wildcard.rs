@@ -26,7 +26,7 @@ enum Part<'a> {
 
 /// The parts of a wildcard; `None` for a text without one (where `*` is the product's sign).
 fn parts(text: &str) -> Option<Vec<Part<'_>>> {
-    let (mut parts, mut rest, mut found) = (Vec::new(), text.trim(), false);
+    let (mut parts, mut rest, mut has_star) = (Vec::new(), text.trim(), false);
     while !rest.is_empty() {
         let star = (0..rest.len()).filter(|&at| rest.is_char_boundary(at)).find_map(|at| {
             let here = &rest[at..];
@@ -44,10 +44,10 @@ fn parts(text: &str) -> Option<Vec<Part<'_>>> {
             parts.push(Part::Text(&rest[..at]));
         }
         parts.push(part);
-        found = true;
+        has_star = true;
         rest = &rest[at + length..];
     }
-    found.then_some(parts)
+    has_star.then_some(parts)
 }
 
 /// Part of `name` under the stars, as it is appended to an alias.
@@ -165,10 +165,10 @@ fn with_parts(
     let mut written: IndexMap<String, State> = IndexMap::new();
     for (name, state) in states {
         let parts = state.parts(&name, aliases, fields)?;
-        for (name, own) in parts.unwrap_or_else(|| vec![(name, state)]) {
+        for (name, part) in parts.unwrap_or_else(|| vec![(name, state)]) {
             let blank = |state: &State| *state == State::default();
             match written.get(&name) {
-                Some(_) if blank(&own) => {}
+                Some(_) if blank(&part) => {}
                 Some(known) if !blank(known) => {
                     let problem = format!(
                         "{entry}: it is both a part of a rotation, whose equations are its kinematics, and a state; leave one of the two out",
@@ -176,7 +176,7 @@ fn with_parts(
                     );
                     return Err(Error::name_taken(&name, problem));
                 }
-                _ => _ = written.insert(name, own),
+                _ => _ = written.insert(name, part),
             }
         }
     }

@@ -95,8 +95,8 @@ pub(super) fn of_odometry(columns: &[Column], topics: &[TopicInfo]) -> Option<Re
     let moves = |topic: &&TopicInfo| topic.messages.is_none_or(|count| count >= FEW_MESSAGES);
     let odometries = || topics.iter().filter(|topic| is_odometry(topic)).filter(moves);
     let topic = odometries().find(|topic| !topic.name.contains("truth")).or_else(|| odometries().next())?;
-    let own = Odometry::new(&topic.name, &mut Names::default());
-    let mut found = Recipe::default();
+    let odometry = Odometry::new(&topic.name, &mut Names::default());
+    let mut draft = Recipe::default();
     let has = |field: &str| columns.iter().any(|column| column.name.starts_with(field));
     for (name, end) in ODOMETRY {
         let field = format!("{}.{end}", topic.name);
@@ -104,13 +104,14 @@ pub(super) fn of_odometry(columns: &[Column], topics: &[TopicInfo]) -> Option<Re
             return None;
         }
         let field = if name == "yaw" { format!("yaw({field})") } else { field };
-        found.columns.insert(name.to_owned(), field);
+        draft.columns.insert(name.to_owned(), field);
     }
     let mut states = String::from("[states]\n");
-    own.states(&mut states);
-    found.states = Recipe::parse(&states.replace("# of ", "#").replace("\n# ", "\n"), "the draft").ok()?.states;
-    let commands = topics.iter().filter(|own| own.name.contains("cmd") || own.name.contains("command")).filter(moves);
-    for topic in commands.filter(|own| own.name.contains("truth") == topic.name.contains("truth")) {
+    odometry.states(&mut states);
+    draft.states = Recipe::parse(&states.replace("# of ", "#").replace("\n# ", "\n"), "the draft").ok()?.states;
+    let commands =
+        topics.iter().filter(|other| other.name.contains("cmd") || other.name.contains("command")).filter(moves);
+    for topic in commands.filter(|other| other.name.contains("truth") == topic.name.contains("truth")) {
         let fields = columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name));
         let fields: Vec<&str> = fields.map(|column| column.name.as_str()).collect();
         let of_twist = |field: &&&str| field.ends_with("linear.x") || field.ends_with("angular.z");
@@ -119,11 +120,11 @@ pub(super) fn of_odometry(columns: &[Column], topics: &[TopicInfo]) -> Option<Re
             false => fields.iter().collect(),
         };
         for field in wanted {
-            let name = format!("u{}", found.inputs.len());
-            found.inputs.insert(name, Input::Text((*field).to_owned()));
+            let name = format!("u{}", draft.inputs.len());
+            draft.inputs.insert(name, Input::Text((*field).to_owned()));
         }
     }
-    Some(found)
+    Some(draft)
 }
 
 /// The names of the states and of the inputs that are proposed.
@@ -154,22 +155,22 @@ fn columns_section(
             let _ = writeln!(out, "#   cannot be read: {}", problem.replace('\n', " "));
         }
         let places = |of: &HashMap<&str, Vec<usize>>| of.get(topic.name.as_str()).cloned().unwrap_or_default();
-        let own: Vec<(&Column, &String)> = places(&fields_of).iter().map(|&at| (fields[at], &short[at])).collect();
+        let listed: Vec<(&Column, &String)> = places(&fields_of).iter().map(|&at| (fields[at], &short[at])).collect();
         // What is said once is no signal.
-        if topic.messages.is_some_and(|count| count < 2) && !own.is_empty() {
-            let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
+        if topic.messages.is_some_and(|count| count < 2) && !listed.is_empty() {
+            let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", listed.len());
             continue;
         }
         if let Some(attitude) = attitude.filter(|attitude| attitude.topic == topic.name) {
             attitude.aliases(out);
         }
-        let is_drafted = own.iter().any(|(field, _)| drafted.contains_key(&field.name));
+        let is_drafted = listed.iter().any(|(field, _)| drafted.contains_key(&field.name));
         if fields.len() > MANY_FIELDS && !drafted.is_empty() && !is_drafted {
-            let _ = writeln!(out, "#   {} fields; `fleetfoot init --topic {}` lists them", own.len(), topic.name);
+            let _ = writeln!(out, "#   {} fields; `fleetfoot init --topic {}` lists them", listed.len(), topic.name);
             continue;
         }
         let odometry = odometries.iter().find(|odometry| odometry.topic == topic.name);
-        for (field, name) in own {
+        for (field, name) in listed {
             let known = odometry.and_then(|odometry| odometry.name_of(&field.name));
             let role = drafted.get(&field.name);
             let wanted = role.and_then(|role| usual_name(*role, &field.name)).unwrap_or_else(|| name.clone());
@@ -317,7 +318,7 @@ fn draft(columns: &[Column], without_odometry: bool) -> BTreeMap<String, Role> {
                 index.is_none_or(|index| index < FIRST_ELEMENTS)
             };
             let is_wanted =
-                |column: &&Column| is_signal(column) && group.split('|').any(|own| is_of(&column.name, own));
+                |column: &&Column| is_signal(column) && group.split('|').any(|word| is_of(&column.name, word));
             columns.iter().filter(is_wanted).map(|column| column.name.clone()).collect::<Vec<_>>()
         };
         let found = groups.iter().map(|group| of_group(&group)).find(|found| !found.is_empty());
@@ -332,8 +333,8 @@ fn by_topic<'a>(topics: &'a [TopicInfo], fields: impl Iterator<Item = &'a str>) 
     let mut places: HashMap<&str, Vec<usize>> = topics.iter().map(|topic| (topic.name.as_str(), Vec::new())).collect();
     for (at, field) in fields.enumerate() {
         for (end, _) in field.match_indices(['.', '[']) {
-            if let Some(own) = places.get_mut(&field[..end]) {
-                own.push(at);
+            if let Some(columns) = places.get_mut(&field[..end]) {
+                columns.push(at);
             }
         }
     }

@@ -19,27 +19,27 @@ const STATES: [&str; 7] = ["odom", "state", "pose", "joint", "position", "veloci
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn starter_recipe_of_runs(found: &FoundRuns) -> Result<String, Error> {
+pub fn starter_recipe_of_runs(runs: &FoundRuns) -> Result<String, Error> {
     let mut topics = Vec::new();
     let mut clocks = Vec::new();
-    for (topic, path) in found.runs.first().map_or(&[][..], |run| &run.files) {
+    for (topic, path) in runs.runs.first().map_or(&[][..], |run| &run.files) {
         let info = inspect(path)?;
         let is_clock = |name: &str| {
             info.clock.as_ref().is_some_and(|clock| clock.column == name || clock.beside.as_deref() == Some(name))
         };
-        let own = info.columns.iter().filter(|column| column.unsupported.is_none() && !is_clock(&column.name));
-        let own = own.map(|column| Column {
+        let columns = info.columns.iter().filter(|column| column.unsupported.is_none() && !is_clock(&column.name));
+        let columns = columns.map(|column| Column {
             name: format!("{topic}.{}", column.name),
             unit: column.unit.clone(),
             kind: column.kind.clone(),
         });
-        topics.push((topic.as_str(), own.collect::<Vec<Column>>()));
+        topics.push((topic.as_str(), columns.collect::<Vec<Column>>()));
         clocks.extend(info.clock.clone().map(|clock| (topic.as_str(), clock)));
     }
-    Ok(recipe(found, &topics, &clocks))
+    Ok(recipe(runs, &topics, &clocks))
 }
 
-fn recipe(found: &FoundRuns, topics: &[(&str, Vec<Column>)], clocks: &[(&str, ClockInfo)]) -> String {
+fn recipe(runs: &FoundRuns, topics: &[(&str, Vec<Column>)], clocks: &[(&str, ClockInfo)]) -> String {
     let is_of = |topic: &str, words: &[&str]| words.iter().any(|word| topic.to_lowercase().contains(word));
     let is_command = |topic: &str| is_of(topic, &COMMANDS);
     let measured = || topics.iter().map(|(topic, _)| *topic).filter(|topic| !is_command(topic));
@@ -49,14 +49,14 @@ fn recipe(found: &FoundRuns, topics: &[(&str, Vec<Column>)], clocks: &[(&str, Cl
     let short = short_names(&all);
     let mut names = Names::default();
     let mut out = String::new();
-    let folder = found.runs.first().map(|run| run.folder.file_name().unwrap_or_default().to_string_lossy());
+    let folder = runs.runs.first().map(|run| run.folder.file_name().unwrap_or_default().to_string_lossy());
     heading(&mut out, &folder.unwrap_or_default());
     let _ = writeln!(
         out,
         "# The files of a run, a topic each; every folder that has them is a run. A pattern may hold * and folders."
     );
     let _ = writeln!(out, "[files]");
-    for (topic, pattern) in &found.patterns {
+    for (topic, pattern) in &runs.patterns {
         let _ = writeln!(out, "{} = {}", key(topic), text(pattern));
     }
     out.push('\n');

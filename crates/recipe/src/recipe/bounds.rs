@@ -27,7 +27,7 @@ impl Recipe {
         check("prepare", &self.prepare)?;
         check("resimulate", &self.resimulate)?;
         check("auto", &self.auto)?;
-        self.channels.iter().try_for_each(|(name, own)| check(&format!("channels.{name}"), own))
+        self.channels.iter().try_for_each(|(name, bounds)| check(&format!("channels.{name}"), bounds))
     }
 }
 

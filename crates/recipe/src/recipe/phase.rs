@@ -88,13 +88,13 @@ mod tests {
             ("wrap(a - b):2", cyclic("wrap(a - b)", 2), "wrap(a - b):2"),
             ("labels:stance", PhaseColumn::Labels("stance".into()), "labels:stance"),
         ] {
-            let found: PhaseColumn = text.parse().unwrap();
-            assert_eq!((&found, found.to_string().as_str()), (&expected, again));
+            let phase: PhaseColumn = text.parse().unwrap();
+            assert_eq!((&phase, phase.to_string().as_str()), (&expected, again));
             assert_eq!(again.parse(), Ok(expected));
         }
         for text in ["", "q:1", "q:361", "q:-3", ":8", "labels:", "labels: "] {
-            let told = text.parse::<PhaseColumn>().unwrap_err();
-            assert!(told.contains("2 to 360 bins") && told.contains("labels:COLUMN"), "{told}");
+            let error = text.parse::<PhaseColumn>().unwrap_err();
+            assert!(error.contains("2 to 360 bins") && error.contains("labels:COLUMN"), "{error}");
         }
     }
 }

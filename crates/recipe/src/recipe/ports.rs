@@ -37,8 +37,8 @@ impl FromStr for PortList {
             }
             parts.next().is_none().then_some(port)
         };
-        let found: Option<Vec<Port>> = text.split(',').map(port).collect();
-        found.map(Self).ok_or_else(|| {
+        let ports: Option<Vec<Port>> = text.split(',').map(port).collect();
+        ports.map(Self).ok_or_else(|| {
             format!(
                 "passive = \"{text}\": write INPUT:STATE, such as force:speed, several with commas; INPUT:STATE:SHORTAGE also sets the allowed energy gain per sample, a number \
                  above 0"
@@ -81,14 +81,14 @@ mod tests {
     #[test]
     fn words_are_read_and_written() {
         for (text, again) in [("f:v", "f:v"), (" f : v:0.05 , tau:w", "f:v:0.05,tau:w")] {
-            let found: PortList = text.parse().unwrap();
-            assert_eq!((found.to_string().as_str(), again.parse()), (again, Ok(found)));
+            let ports: PortList = text.parse().unwrap();
+            assert_eq!((ports.to_string().as_str(), again.parse()), (again, Ok(ports)));
         }
-        let found: PortList = "f:v:0.05".parse().unwrap();
-        assert_eq!((&*found.0[0].input, &*found.0[0].output, found.0[0].shortage), ("f", "v", Some(0.05)));
+        let ports: PortList = "f:v:0.05".parse().unwrap();
+        assert_eq!((&*ports.0[0].input, &*ports.0[0].output, ports.0[0].shortage), ("f", "v", Some(0.05)));
         for text in ["", "f", "f:", ":v", "f:v:0", "f:v:-1", "f:v:x", "f:v:1:2", "f:v,"] {
-            let told = text.parse::<PortList>().unwrap_err();
-            assert!(told.contains("force:speed"), "{text}: {told}");
+            let error = text.parse::<PortList>().unwrap_err();
+            assert!(error.contains("force:speed"), "{text}: {error}");
         }
     }
 }

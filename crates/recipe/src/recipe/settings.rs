@@ -30,8 +30,8 @@ impl Recipe {
     /// Puts explicit entries above those of the recipe.
     pub fn say<S: Settings>(&mut self, said: S) {
         said.silence(self);
-        let own = std::mem::take(S::of(self));
-        *S::of(self) = said.over(own);
+        let settings = std::mem::take(S::of(self));
+        *S::of(self) = said.over(settings);
     }
 
     /// Puts all method sections of another recipe above those of this one.
