@@ -168,20 +168,26 @@ impl Clocks {
             };
             let (about, even) = (section.offset, section.even == Some(true));
             let pair = Pair { reference: reference_channel, own: &own_channel, reach, about, even };
-            let found = pair.found(by).map_err(|source| Error::Signal {
+            let correspondence = pair.found(by).map_err(|source| Error::Signal {
                 episode: own_channel.log.display().to_string(),
                 channel: format!("{reference}` and `{own}"),
                 source,
             })?;
-            self.take(name, section, &pair, found)?;
+            self.take(name, section, &pair, correspondence)?;
         }
         Ok(())
     }
 
     /// Keeps what was found of a log, unless it is no find.
-    fn take(&mut self, name: &str, section: &ClockSection, pair: &Pair<'_>, found: Found) -> Result<(), Error> {
+    fn take(
+        &mut self,
+        name: &str,
+        section: &ClockSection,
+        pair: &Pair<'_>,
+        correspondence: Found,
+    ) -> Result<(), Error> {
         let log = pair.own.log.display().to_string();
-        if let Found::Motion(Alignment { at_end: true, line, .. }) = &found {
+        if let Found::Motion(Alignment { at_end: true, line, .. }) = &correspondence {
             return Err(Error::undetermined(format!(
                 "[clocks.{name}]: in {log} the best clock offset is {:.4} s at {:.1} ppm, at an end of the search range ({} s about {:.4} s): give a longer reach, or an offset to search about",
                 line.offset,
@@ -190,7 +196,7 @@ impl Clocks {
                 pair.about(),
             )));
         }
-        if let Found::Motion(Alignment { deviation, unexplained, .. }) = &found
+        if let Found::Motion(Alignment { deviation, unexplained, .. }) = &correspondence
             && (deviation.is_nan() || 1.96 * deviation >= pair.reach)
         {
             return Err(Error::undetermined(format!(
@@ -198,10 +204,10 @@ impl Clocks {
                 1e2 * unexplained
             )));
         }
-        let line = found.line();
-        let report = match &found {
-            Found::Motion(found) => AlignedClock::by_motion(name, &log, found, pair.reference.times[0]),
-            Found::Wave(found) => AlignedClock::by_wave(name, &log, found, pair.even, pair.reference.times[0]),
+        let line = correspondence.line();
+        let report = match &correspondence {
+            Found::Motion(alignment) => AlignedClock::by_motion(name, &log, alignment, pair.reference.times[0]),
+            Found::Wave(alignment) => AlignedClock::by_wave(name, &log, alignment, pair.even, pair.reference.times[0]),
         };
         self.notes.extend(report.doubts(DOUBTFUL, BENT));
         self.reports.push(report);
@@ -268,14 +274,14 @@ fn channels(dataset: &Dataset, even: bool) -> Result<Vec<Channel>, Stopped> {
         }
     }
     for channel in channels.iter_mut().filter(|channel| even && channel.times.len() > 2) {
-        let found = dejitter(&channel.times).map_err(|source| Stopped::Signal(channel.log.clone(), source))?;
+        let stamps = dejitter(&channel.times).map_err(|source| Stopped::Signal(channel.log.clone(), source))?;
         // Messages of what happens now and then are not even, and have nothing to even out.
-        if found.jitter > UNEVEN * found.period {
+        if stamps.jitter > UNEVEN * stamps.period {
             continue;
         }
         // Four deviations of the line at its ends, which is where it is known least.
-        channel.margin = 8.0 * found.jitter / (channel.times.len() as f64).sqrt();
-        channel.times = found.times;
+        channel.margin = 8.0 * stamps.jitter / (channel.times.len() as f64).sqrt();
+        channel.times = stamps.times;
     }
     Ok(channels)
 }

@@ -150,8 +150,10 @@ impl Condition {
         )?;
         let (used, all): (usize, usize) = (runs.iter().map(|(_, run)| run.len()).sum(), view.rows());
         if used == 0 {
-            let problem =
-                format!("none of the {all} rows satisfies `{}`: change the condition ({TIME_SECTION} where, {WHERE})", self.text);
+            let problem = format!(
+                "none of the {all} rows satisfies `{}`: change the condition ({TIME_SECTION} where, {WHERE})",
+                self.text
+            );
             return Err(Error::too_few_rows(0, 1, problem));
         }
         if runs.len() > MOST_RUNS {
@@ -326,8 +328,8 @@ mod tests {
             ("t > 1e9", "no row of 12 is used"),
             ("mode == 'automatic'", "no row of 12 is used"),
         ] {
-            let told = runs(text).unwrap_err();
-            assert!(told.contains(words), "{text}: {told}");
+            let error = runs(text).unwrap_err();
+            assert!(error.contains(words), "{text}: {error}");
         }
     }
 }

@@ -203,8 +203,7 @@ impl Dataset {
             }
         };
         if recording.without_clock() {
-            notes
-                .push("the rows have no time stamps and are used in their order, which matters for lags only".into());
+            notes.push("the rows have no time stamps and are used in their order, which matters for lags only".into());
         }
         let source = Labelled::new(recording, &labels);
         refuse_text(&source, (model, aliases), &reads.numbers)?;

@@ -54,13 +54,13 @@ impl Folder {
     /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have names of the command's `own`
     /// are replaced by the new ones, all of them; any other recording is refused still. A folder
     /// that another command is working on; one of the `inputs` among what would be replaced.
-    pub fn create(target: &Path, force: bool, inputs: &[PathBuf], own: fn(&str) -> bool) -> Result<Self, Error> {
+    pub fn create(target: &Path, force: bool, inputs: &[PathBuf], is_ours: fn(&str) -> bool) -> Result<Self, Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
         let is_there = target.exists();
         fs::create_dir_all(target).map_err(|source| error(target, source))?;
         let made = (!is_there).then(|| Made(target.to_owned()));
         let lock = WriteLock::take(target.join(LOCK), target)?;
-        let old = Self::check(target, force, own)?;
+        let old = Self::check(target, force, is_ours)?;
         check_outputs(&old, inputs)?;
         let (mut removed, mut leftovers) = (Vec::new(), left_in(target).map_err(|source| error(target, source))?);
         // Whoever made them is gone: the lock is here.
@@ -78,9 +78,8 @@ impl Folder {
     /// Notes on the folder, for the user.
     pub fn notes(&self) -> Vec<String> {
         let removed = |left: &PathBuf| format!("removed {}, which a killed command had left", left.display());
-        let left = |left: &PathBuf| {
-            format!("a killed command may have left {}: remove it, or give {FORCE}", left.display())
-        };
+        let left =
+            |left: &PathBuf| format!("a killed command may have left {}: remove it, or give {FORCE}", left.display());
         self.removed.iter().map(removed).chain(self.leftovers.iter().map(left)).collect()
     }
 
@@ -94,7 +93,7 @@ impl Folder {
             Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
             other => other.map_err(error)?,
         };
-        let (mut own, mut foreign) = (Vec::new(), Vec::new());
+        let (mut ours, mut foreign) = (Vec::new(), Vec::new());
         for entry in entries {
             let path = entry.map_err(error)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -102,14 +101,14 @@ impl Folder {
                 continue;
             }
             if name == RECIPE || is_own(&name) {
-                own.push(path);
+                ours.push(path);
             } else if LogFormat::found(&path).is_some() {
                 foreign.push(path);
             }
         }
-        own.sort();
+        ours.sort();
         foreign.sort();
-        let advice = match (foreign.first(), own.first()) {
+        let advice = match (foreign.first(), ours.first()) {
             (Some(first), _) => format!("{} would be mixed with them: choose another folder", first.display()),
             (None, Some(first)) if !force => {
                 format!(
@@ -117,7 +116,7 @@ impl Folder {
                     first.display()
                 )
             }
-            _ => return Ok(own),
+            _ => return Ok(ours),
         };
         Err(Error::output(format!("{}: these logs need an empty folder; {advice}", target.display())))
     }
@@ -155,15 +154,15 @@ impl Folder {
 
 /// The hidden folders in which files are made, of this or other commands.
 fn left_in(target: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
+    let mut leftovers = Vec::new();
     for entry in fs::read_dir(target)? {
         let entry = entry?;
         if entry.file_name().to_string_lossy().starts_with(STAGING) && entry.file_type()?.is_dir() {
-            found.push(entry.path());
+            leftovers.push(entry.path());
         }
     }
-    found.sort();
-    Ok(found)
+    leftovers.sort();
+    Ok(leftovers)
 }
 
 #[cfg(test)]

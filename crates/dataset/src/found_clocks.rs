@@ -107,31 +107,31 @@ impl AlignedClock {
         Self::new(clock, "", "given", [0.0, offset, 0.0])
     }
 
-    pub(crate) fn by_motion(clock: &str, log: &str, found: &Alignment, start: f64) -> Self {
-        let line = found.line;
+    pub(crate) fn by_motion(clock: &str, log: &str, alignment: &Alignment, start: f64) -> Self {
+        let line = alignment.line;
         let interval = |value: f64, deviation: f64| [value - 1.96 * deviation, value + 1.96 * deviation];
         let part = |part: &PartLag| LagOfPart { at: part.at - start, off: part.off, deviation: part.deviation };
         Self {
-            offset_interval: interval(line.offset, found.deviation),
-            skew_interval: interval(line.skew, found.skew_deviation),
-            unexplained: Some(found.unexplained),
-            curve: thinned(&found.curve),
-            parts: found.parts.iter().map(part).collect(),
-            left_out: Some(found.left_out.each_ref().map(Vec::len)),
+            offset_interval: interval(line.offset, alignment.deviation),
+            skew_interval: interval(line.skew, alignment.skew_deviation),
+            unexplained: Some(alignment.unexplained),
+            curve: thinned(&alignment.curve),
+            parts: alignment.parts.iter().map(part).collect(),
+            left_out: Some(alignment.left_out.each_ref().map(Vec::len)),
             ..Self::new(clock, log, "motion", [line.at - start, line.offset, line.skew])
         }
     }
 
-    pub(crate) fn by_wave(clock: &str, log: &str, found: &EdgeAlignment, even: bool, start: f64) -> Self {
-        let line = found.line;
+    pub(crate) fn by_wave(clock: &str, log: &str, alignment: &EdgeAlignment, even: bool, start: f64) -> Self {
+        let line = alignment.line;
         Self {
-            offset_interval: found.offset,
-            skew_interval: found.skew,
+            offset_interval: alignment.offset,
+            skew_interval: alignment.skew,
             even: Some(even),
-            edges: Some(found.edges),
-            alone: Some(found.alone),
-            contradiction: Some(found.contradiction),
-            others: found.others.clone(),
+            edges: Some(alignment.edges),
+            alone: Some(alignment.alone),
+            contradiction: Some(alignment.contradiction),
+            others: alignment.others.clone(),
             ..Self::new(clock, log, "wave", [line.at - start, line.offset, line.skew])
         }
     }

@@ -47,15 +47,15 @@ impl Part {
             };
             (!range.is_empty()).then_some((episode, range))
         };
-        let found: Vec<_> = rows.iter().enumerate().filter_map(part).collect();
-        if found.is_empty() {
+        let kept_rows: Vec<_> = rows.iter().enumerate().filter_map(part).collect();
+        if kept_rows.is_empty() {
             return Err(Error::too_few_rows(
                 all as u64,
                 FEW as u64,
                 format!("{all} rows are too few to keep a fifth of them back for a test; give longer logs"),
             ));
         }
-        Ok(found)
+        Ok(kept_rows)
     }
 }
 

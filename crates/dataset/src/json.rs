@@ -20,8 +20,8 @@ pub fn report(told: impl Serialize) -> Value {
 }
 
 /// A part of a report as a tree of values.
-pub fn value(told: impl Serialize) -> Value {
-    serde_json::to_value(told).expect("keys of reports are text, and nothing else can fail in memory")
+pub fn value(report: impl Serialize) -> Value {
+    serde_json::to_value(report).expect("keys of reports are text, and nothing else can fail in memory")
 }
 
 /// Numbers of a report that is read again: one that is none was told as `null`.

@@ -32,7 +32,7 @@ impl Kept {
         progress: &dyn Progress,
     ) -> Result<Recording, fleetfoot_log::Error> {
         let mut known = self.recordings.lock().unwrap_or_else(PoisonError::into_inner);
-        let recording = match known.iter().position(|(own, _)| own == selection) {
+        let recording = match known.iter().position(|(kept, _)| kept == selection) {
             Some(at) => known.remove(at).1,
             None => fleetfoot_log::open_logs(logs, selection, progress)?,
         };
@@ -48,7 +48,7 @@ impl Kept {
     /// Those of reading.
     pub(crate) fn info(&self, file: &Path) -> Result<FileInfo, Error> {
         let mut known = self.infos.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, info)) = known.iter().find(|(own, _)| own == file) {
+        if let Some((_, info)) = known.iter().find(|(kept, _)| kept == file) {
             return Ok(info.clone());
         }
         let info = fleetfoot_log::inspect(file)?;
@@ -75,8 +75,9 @@ mod tests {
         fs::write(&file, format!("t,x,y\n{rows}")).unwrap();
         let recipe = Recipe::parse("[states]\nx = {}\n", "test").unwrap();
         let logs = Logs::from(std::slice::from_ref(&file)).kept();
-        let rows =
-            |recipe: &Recipe, part| Dataset::for_columns(recipe, None, logs.only(part), &Silent).map(|own| own.rows());
+        let rows = |recipe: &Recipe, part| {
+            Dataset::for_columns(recipe, None, logs.only(part), &Silent).map(|dataset| dataset.rows())
+        };
         assert_eq!(rows(&recipe, Part::Training).unwrap(), 40);
         fs::remove_file(file).unwrap();
         assert_eq!(rows(&recipe, Part::Test).unwrap(), 10);

@@ -54,9 +54,9 @@ pub(crate) fn check(model: &Model, dataset: &Dataset, every: usize) -> Result<Op
     )))
 }
 
-fn mend(found: f64, expected: f64) -> String {
-    let times = (expected / found).round();
-    let thin = if times >= 2.0 && (expected / found - times).abs() < TOLERANCE * times {
+fn mend(row_step: f64, expected: f64) -> String {
+    let times = (expected / row_step).round();
+    let thin = if times >= 2.0 && (expected / row_step - times).abs() < TOLERANCE * times {
         format!("keep every {times}th row, ")
     } else {
         String::new()

@@ -78,29 +78,35 @@ impl<'a> UnitRotations<'a> {
         aliases: &'a [(Column, Expr)],
     ) -> Self {
         let place = |name: &String| view.columns().iter().position(|column| column.name == *name);
-        let rotations = rotations.iter().filter_map(|own| {
-            let places = own.parts.iter().map(place).collect::<Option<Vec<_>>>()?;
-            Some((own, places))
+        let rotations = rotations.iter().filter_map(|recorded| {
+            let places = recorded.parts.iter().map(place).collect::<Option<Vec<_>>>()?;
+            Some((recorded, places))
         });
         let rotations = rotations.collect();
         Self { view, source, aliases, rotations }
     }
 
     /// Settles a rotation in a block.
-    fn settle(&self, own: &Recorded, places: &[usize], episode: usize, block: &mut Block) -> Result<(), DataError> {
+    fn settle(
+        &self,
+        recorded: &Recorded,
+        places: &[usize],
+        episode: usize,
+        block: &mut Block,
+    ) -> Result<(), DataError> {
         let mut columns: Vec<Vec<f64>> = places.iter().map(|&place| block.columns[place].to_vec()).collect();
         let mut parts = vec![0.0; places.len()];
         for row in 0..block.time.len() {
             parts.iter_mut().zip(&columns).for_each(|(part, column)| *part = column[row]);
             let length = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
-            if own.kind == RotationKind::Quaternion && (length - 1.0).abs() > TOLERANCE {
-                return Err(self.refusal(own, (episode, block.first + row - block.before), (parts, length)));
+            if recorded.kind == RotationKind::Quaternion && (length - 1.0).abs() > TOLERANCE {
+                return Err(self.refusal(recorded, (episode, block.first + row - block.before), (parts, length)));
             }
             if length.is_nan() {
                 columns.iter_mut().for_each(|column| column[row] = f64::NAN);
                 continue;
             }
-            own.kind.settle(&mut parts);
+            recorded.kind.settle(&mut parts);
             columns.iter_mut().zip(&parts).for_each(|(column, part)| column[row] = *part);
         }
         for (&place, column) in places.iter().zip(columns) {
@@ -111,7 +117,7 @@ impl<'a> UnitRotations<'a> {
 
     /// The rotations among the columns: how they are written, and the place of every part.
     pub fn rotations(&self) -> impl Iterator<Item = (RotationKind, &[usize])> {
-        self.rotations.iter().map(|(own, places)| (own.kind, places.as_slice()))
+        self.rotations.iter().map(|(recorded, places)| (recorded.kind, places.as_slice()))
     }
 
     /// Writes every rotation of a block as near as it can be to the one in the row before, so that curves go through its parts.
@@ -125,17 +131,22 @@ impl<'a> UnitRotations<'a> {
         }
     }
 
-    fn refusal(&self, own: &Recorded, (episode, row): (usize, usize), (parts, length): (Vec<f64>, f64)) -> DataError {
+    fn refusal(
+        &self,
+        recorded: &Recorded,
+        (episode, row): (usize, usize),
+        (parts, length): (Vec<f64>, f64),
+    ) -> DataError {
         let source = |name: &String| {
             let alias = self.aliases.iter().find(|(column, _)| column.name == *name);
             alias.map_or_else(|| name.clone(), |(_, expression)| expression.to_string())
         };
-        let squares: Vec<String> = own.parts.iter().map(|name| format!("({})^2", source(name))).collect();
+        let squares: Vec<String> = recorded.parts.iter().map(|name| format!("({})^2", source(name))).collect();
         let refusal = NoRotation {
             file: self.source.inner().origin(episode).to_owned(),
             episode: self.episodes()[episode].name.clone(),
             row,
-            rotation: own.name.clone(),
+            rotation: recorded.name.clone(),
             parts,
             length,
             condition: format!("0.99 < {} < 1.01", squares.join(" + ")),
@@ -155,8 +166,8 @@ impl Source for UnitRotations<'_> {
 
     fn read(&self, episode: usize, rows: Range<usize>, halo: Halo) -> Result<Block, DataError> {
         let mut block = self.view.read(episode, rows, halo)?;
-        for (own, places) in &self.rotations {
-            self.settle(own, places, episode, &mut block)?;
+        for (recorded, places) in &self.rotations {
+            self.settle(recorded, places, episode, &mut block)?;
         }
         Ok(block)
     }

@@ -20,11 +20,11 @@ pub(crate) fn refuse_text(
     (model, aliases): (&[ModelColumn], &[(Column, Expr)]),
     numbers: &BTreeSet<Arc<str>>,
 ) -> Result<(), Error> {
-    for (own, (alias, expression)) in model.iter().zip(aliases) {
+    for (column, (alias, expression)) in model.iter().zip(aliases) {
         let is_number =
-            own.role != Role::Auxiliary || expression.as_column().is_none() || numbers.contains(alias.name.as_str());
+            column.role != Role::Auxiliary || expression.as_column().is_none() || numbers.contains(alias.name.as_str());
         let Some((field, names)) = text_among(expression, source).filter(|_| is_number) else { continue };
-        let use_ = match own.role {
+        let use_ = match column.role {
             Role::State => "the state",
             Role::Input => "the input",
             Role::Auxiliary => "the column",
@@ -164,8 +164,8 @@ mod tests {
             ("auto", &["auto", "manual"], "--where \"mode == 'auto'\""),
             ("", &[], "leave the column out"),
         ] {
-            let told = mend("mode", value, &words(all));
-            assert!(told.contains(part), "{value}: {told}");
+            let advice = mend("mode", value, &words(all));
+            assert!(advice.contains(part), "{value}: {advice}");
         }
     }
 }

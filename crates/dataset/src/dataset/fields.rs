@@ -85,7 +85,7 @@ pub(crate) fn idle_joins(recipe: &Recipe, read: &[String], logs: &Logs) -> Resul
     }
     let (fields, _) = fields(recipe, logs)?;
     let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
-    let told = |pattern: &String| {
+    let warning = |pattern: &String| {
         let start = pattern.find('*').map_or("", |star| &pattern[..star]);
         // Read ones are what is meant before others.
         let mut below: Vec<String> =
@@ -107,7 +107,7 @@ pub(crate) fn idle_joins(recipe: &Recipe, read: &[String], logs: &Logs) -> Resul
         format!("{JOIN} \"{pattern}\" matches no field, so that it changes nothing{star}{}", did_you_mean(&meant))
     };
     let idle = open.into_iter().filter(|pattern| !names.iter().any(|name| is_match(pattern, name)));
-    Ok(idle.map(told).collect())
+    Ok(idle.map(warning).collect())
 }
 
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.

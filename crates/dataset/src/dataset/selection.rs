@@ -13,7 +13,7 @@ use crate::error::Error;
 
 /// Topics as the recipe calls them, and as the files do.
 pub(crate) fn renames(recipe: &Recipe) -> Vec<(String, String)> {
-    recipe.rename.iter().map(|(own, file)| (own.clone(), file.clone())).collect()
+    recipe.rename.iter().map(|(ours, file)| (ours.clone(), file.clone())).collect()
 }
 
 pub(crate) fn label_names(recipe: &Recipe) -> Vec<String> {

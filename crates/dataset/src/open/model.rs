@@ -115,8 +115,10 @@ impl Dataset {
         dataset.topics = info.map_or_else(Vec::new, |info| info.topics);
         if !absent.is_empty() {
             let names: Vec<&str> = absent.iter().map(|column| column.name.as_str()).collect();
-            let note =
-                format!("the recording has no {}, so the predictions are not compared with measurements", names.join(", "));
+            let note = format!(
+                "the recording has no {}, so the predictions are not compared with measurements",
+                names.join(", ")
+            );
             dataset.notes.push(note);
         }
         dataset.recode(model);

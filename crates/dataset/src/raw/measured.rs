@@ -72,18 +72,18 @@ impl Dataset {
             return Ok(Some(all));
         }
         let mut opened: Option<OpenedRaw> = None;
-        let mut found: Option<(PathBuf, Result<Found, String>)> = None;
+        let mut raw: Option<(PathBuf, Result<Found, String>)> = None;
         let mut was_measured = false;
         for episode in episodes {
             if progress.cancelled() {
                 return Err(fleetfoot_data::Cancelled.into());
             }
             let path = self.origin(episode);
-            if found.as_ref().is_none_or(|(known, _)| known != path) {
-                found = Some((path.to_path_buf(), Found::of(path, progress)?));
+            if raw.as_ref().is_none_or(|(known, _)| known != path) {
+                raw = Some((path.to_path_buf(), Found::of(path, progress)?));
             }
-            let own = match &found {
-                Some((_, Ok(own))) => own,
+            let raw_log = match &raw {
+                Some((_, Ok(raw_log))) => raw_log,
                 Some((_, Err(why))) => {
                     was_measured = true;
                     all.miss(why.clone());
@@ -91,20 +91,20 @@ impl Dataset {
                 }
                 None => continue,
             };
-            let names = own.measured(&wanted);
+            let names = raw_log.measured(&wanted);
             if names.is_empty() {
                 continue;
             }
             was_measured = true;
-            match self.read_raw(episode, own, &names, &mut opened, &mut all.rows, progress) {
+            match self.read_raw(episode, raw_log, &names, &mut opened, &mut all.rows, progress) {
                 Err(cancelled @ Error::Cancelled(_)) => return Err(cancelled),
                 Err(problem) => all.miss(format!("{}: its raw log cannot be read: {problem}", path.display())),
                 Ok(false) => all.miss(format!(
                     "{}: its raw log {} has no measurement at its rows",
                     path.display(),
-                    own.files[0].display()
+                    raw_log.files[0].display()
                 )),
-                Ok(true) => _ = all.raw.insert(path.to_path_buf(), own.files.clone()),
+                Ok(true) => _ = all.raw.insert(path.to_path_buf(), raw_log.files.clone()),
             }
         }
         Ok(was_measured.then_some(all))

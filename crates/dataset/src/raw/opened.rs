@@ -75,11 +75,11 @@ pub(super) struct OpenedRaw {
 
 impl OpenedRaw {
     /// Opens the raw log for columns, by the same rows as the preparation.
-    pub(super) fn new(found: &Found, columns: &BTreeSet<String>, progress: &dyn Progress) -> Result<Self, Error> {
-        let (recipe, logs) = (&found.recipe, Logs::from(&found.files));
+    pub(super) fn new(raw: &Found, columns: &BTreeSet<String>, progress: &dyn Progress) -> Result<Self, Error> {
+        let (recipe, logs) = (&raw.recipe, Logs::from(&raw.files));
         let mut by_topic: BTreeMap<Option<&String>, BTreeSet<String>> = BTreeMap::new();
         for column in columns {
-            by_topic.entry(found.raw.topics.get(column)).or_default().insert(column.clone());
+            by_topic.entry(raw.raw.topics.get(column)).or_default().insert(column.clone());
         }
         let of_rows = by_topic.remove(&None).unwrap_or_default();
         let is_fused = recipe.body.is_some() || !recipe.joint.is_empty() || !recipe.sensor.is_empty();
@@ -95,13 +95,13 @@ impl OpenedRaw {
             let names: Vec<String> = columns.iter().cloned().collect();
             sets.push((columns, Dataset::for_channels(recipe, &names, &known, &logs, progress)?));
         }
-        Ok(Self { files: found.files.clone(), recipe: recipe.clone(), sets })
+        Ok(Self { files: raw.files.clone(), recipe: recipe.clone(), sets })
     }
 
     /// Returns true if this raw log is also that of another episode, with these columns.
-    pub(super) fn serves(&self, found: &Found, columns: &BTreeSet<String>) -> bool {
-        let own: BTreeSet<&String> = self.sets.iter().flat_map(|(own, _)| own).collect();
-        self.files == found.files && self.recipe == found.recipe && own == columns.iter().collect()
+    pub(super) fn serves(&self, raw: &Found, columns: &BTreeSet<String>) -> bool {
+        let kept: BTreeSet<&String> = self.sets.iter().flat_map(|(kept, _)| kept).collect();
+        self.files == raw.files && self.recipe == raw.recipe && kept == columns.iter().collect()
     }
 
     /// The measurements of every column of an episode, pause by pause, in seconds from the episode's start.

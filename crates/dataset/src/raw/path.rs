@@ -35,7 +35,7 @@ mod tests {
         let path = relative(&log, &clean);
         assert_eq!(path, "../runs/a/log.csv");
         assert_eq!(relative(&clean.join("log.csv"), &clean), "log.csv");
-        let found = beside(&clean.join("log.clean.parquet"), &path);
-        assert_eq!(found.canonicalize().unwrap(), log.canonicalize().unwrap());
+        let path_back = beside(&clean.join("log.clean.parquet"), &path);
+        assert_eq!(path_back.canonicalize().unwrap(), log.canonicalize().unwrap());
     }
 }

@@ -129,25 +129,25 @@ impl<'a> Sections<'a> {
         if whole && version < OLDEST {
             return Err(StatisticError::Older { path: path.to_owned(), version });
         }
-        let found = walk(body).map_err(|(place, problem)| damaged(place, problem))?;
+        let sections = walk(body).map_err(|(place, problem)| damaged(place, problem))?;
         if !whole {
             return Err(damaged("the file as a whole".into(), "its checksum differs"));
         }
         let sizes = Sizes {
             total: bytes.len() as u64,
-            sections: found
+            sections: sections
                 .iter()
                 .map(|(name, payload)| (name.clone(), (SECTION_HEAD + payload.len()) as u64))
                 .collect(),
         };
-        Ok(Self { path: path.to_owned(), version, sections: found.into_iter(), sizes })
+        Ok(Self { path: path.to_owned(), version, sections: sections.into_iter(), sizes })
     }
 
     /// The next section, which must have this name.
     pub(super) fn next(&mut self, name: &str) -> Result<&'a [u8], StatisticError> {
         match self.sections.next() {
-            Some((found, payload)) if found == name => Ok(payload),
-            Some((found, _)) => Err(self.damaged(&found, &format!("section `{name}` should stand here"))),
+            Some((next_name, payload)) if next_name == name => Ok(payload),
+            Some((next_name, _)) => Err(self.damaged(&next_name, &format!("section `{name}` should stand here"))),
             None => Err(self.damaged("the end", &format!("section `{name}` is missing"))),
         }
     }
@@ -172,7 +172,7 @@ fn word(bytes: &[u8], at: usize) -> u32 {
 /// The sections, each as long as it says and with its checksum; else where it is not.
 fn walk(body: &[u8]) -> Result<Vec<Section<'_>>, (String, &'static str)> {
     let mut rest = &body[HEAD..];
-    let mut found = Vec::new();
+    let mut sections = Vec::new();
     while !rest.is_empty() {
         let at = body.len() - rest.len();
         let place = |name: &str| format!("section `{name}` at byte {at}");
@@ -187,12 +187,12 @@ fn walk(body: &[u8]) -> Result<Vec<Section<'_>>, (String, &'static str)> {
             return Err((place(&text), "its checksum differs"));
         }
         rest = &rest[SECTION_HEAD + payload.len()..];
-        found.push((text, payload));
+        sections.push((text, payload));
     }
-    if found.len() as u64 != u64::from(word(body, 12)) {
+    if sections.len() as u64 != u64::from(word(body, 12)) {
         return Err(("the end".to_owned(), "sections are missing"));
     }
-    Ok(found)
+    Ok(sections)
 }
 /// A file of these sections, with right checksums whatever they hold: for tests of files that lie.
 ///

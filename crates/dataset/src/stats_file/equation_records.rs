@@ -149,8 +149,8 @@ impl WeakRecord {
 
     fn into_weak(self) -> Result<Weak, String> {
         let rate = |(of, angle): (String, bool)| Ok::<_, String>(Rate { of: parse(&of)?, angle });
-        let target = |(own, mean): (Option<(String, bool)>, String)| {
-            Ok::<_, String>(WeakTarget { rate: own.map(rate).transpose()?, mean: parse(&mean)? })
+        let target = |(left, mean): (Option<(String, bool)>, String)| {
+            Ok::<_, String>(WeakTarget { rate: left.map(rate).transpose()?, mean: parse(&mean)? })
         };
         let targets = self.targets.into_iter().map(target).collect::<Result<_, _>>()?;
         let reach = u32::try_from(self.reach).map_err(|error| error.to_string())? as usize;
@@ -280,10 +280,10 @@ impl PlainRule {
 
 impl EpisodeSumsRecord {
     pub(super) fn all(episodes: &BTreeMap<EpisodeId, EpisodeSums>) -> Vec<Self> {
-        let of = |(id, told): (&EpisodeId, &EpisodeSums)| {
-            let RowCounts { complete, at_border, incomplete } = told.counts;
-            let counts = [complete, at_border, incomplete, told.unassigned];
-            Self { id: id.0.to_le_bytes(), counts, ranges: told.ranges.0.clone() }
+        let of = |(id, sums): (&EpisodeId, &EpisodeSums)| {
+            let RowCounts { complete, at_border, incomplete } = sums.counts;
+            let counts = [complete, at_border, incomplete, sums.unassigned];
+            Self { id: id.0.to_le_bytes(), counts, ranges: sums.ranges.0.clone() }
         };
         episodes.iter().map(of).collect()
     }

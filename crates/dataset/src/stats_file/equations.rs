@@ -131,15 +131,15 @@ impl EquationStatistic {
 
     /// Hash of the plans.
     pub(crate) fn hash(&self) -> String {
-        let mut told = Canonical::default();
-        told.count(self.differences.len() as u64);
+        let mut canonical = Canonical::default();
+        canonical.count(self.differences.len() as u64);
         for difference in &self.differences {
-            told.tag(difference.is_some().into());
-            difference.iter().for_each(|settled| settled.encode(&mut told));
+            canonical.tag(difference.is_some().into());
+            difference.iter().for_each(|settled| settled.encode(&mut canonical));
         }
-        told.count(self.groups.len() as u64);
-        self.groups.iter().for_each(|group| told.text(&group.plan.hash()));
-        blake3::hash(told.as_bytes()).to_hex()[..32].to_owned()
+        canonical.count(self.groups.len() as u64);
+        self.groups.iter().for_each(|group| canonical.text(&group.plan.hash()));
+        blake3::hash(canonical.as_bytes()).to_hex()[..32].to_owned()
     }
 
     /// The plans for people: one line a fact, those that groups share once.
@@ -154,9 +154,9 @@ impl EquationStatistic {
     pub fn of(&self, recipe: &Recipe, on: &[Expr]) -> Result<&EquationGroup, Error> {
         let wanted = placeholder(specification(recipe)?.as_ref(), on);
         // Those of the equations come first.
-        let found =
+        let partition =
             self.groups.iter().find(|group| looks(group.plan.system.partition.as_ref()) == looks(wanted.as_ref()));
-        found.ok_or_else(|| {
+        partition.ok_or_else(|| {
             let of = |group: &EquationGroup| in_words(group.plan.system.partition.as_ref());
             let known: BTreeSet<String> = self.groups.iter().map(of).collect();
             Error::other_statistic(format!(

@@ -37,8 +37,8 @@ impl StatisticFile {
             return Err(StatisticError::SameLog { left: left.to_owned(), right: right.to_owned(), names: twice }.into());
         }
         self.scanned.merge(other.scanned)?;
-        if let (Some(own), Some(others)) = (&mut self.equations, other.equations) {
-            own.merge(others)?;
+        if let (Some(equations), Some(others)) = (&mut self.equations, other.equations) {
+            equations.merge(others)?;
         }
         // What is told beside the sums must not depend on the order of merges.
         if (&other.recipe, &other.version) < (&self.recipe, &self.version) {
@@ -106,11 +106,11 @@ impl StatisticFile {
     pub fn drop_episodes(&mut self, unwanted: &[Unwanted]) -> Result<Vec<String>, Error> {
         let mut dropped: HashSet<EpisodeId> = HashSet::new();
         for one in unwanted {
-            let found = self.matching(one);
-            if found.is_empty() {
+            let episodes = self.matching(one);
+            if episodes.is_empty() {
                 return Err(self.no_match(one).into());
             }
-            dropped.extend(found);
+            dropped.extend(episodes);
         }
         self.without(&dropped)
     }
