@@ -32,9 +32,9 @@ impl Budget {
         };
         let operations: Vec<f64> = trials.iter().map(|trial| operations(trial, rows, logs)).collect();
         let mut sum = 0.0;
-        let borne = operations.iter().map(|&own| {
-            let borne = own <= most && sum + own <= TOGETHER * most;
-            sum += if borne { own } else { 0.0 };
+        let borne = operations.iter().map(|&cost| {
+            let borne = cost <= most && sum + cost <= TOGETHER * most;
+            sum += if borne { cost } else { 0.0 };
             borne
         });
         Self { borne: borne.collect(), operations }
@@ -44,7 +44,7 @@ impl Budget {
     pub(crate) fn work(&self) -> Work {
         let borne = self.operations.iter().zip(&self.borne).filter(|(_, borne)| **borne);
         Work {
-            operations: borne.map(|(own, _)| own).sum(),
+            operations: borne.map(|(cost, _)| cost).sum(),
             parts: 2,
             mend: format!(
                 "{given_effort} makes it shorter; Ctrl-C writes the best so far",

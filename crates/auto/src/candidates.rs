@@ -75,13 +75,13 @@ fn most_functions(effort: Effort) -> usize {
 pub(crate) fn candidates(recipe: &Recipe, variants: &[Variant], rows: &Rows) -> Vec<Trial> {
     let base = bare(recipe);
     let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix: String::new() };
-    let mut found = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
-    found.push(list.pwa(LINEAR, "delta", "average", 0, None));
-    found.extend(list.known(recipe));
-    found.extend(list.linear());
-    found.extend(list.regions());
-    found.extend(list.equations());
-    found.extend(list.autoregressions());
+    let mut trials = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
+    trials.push(list.pwa(LINEAR, "delta", "average", 0, None));
+    trials.extend(list.known(recipe));
+    trials.extend(list.linear());
+    trials.extend(list.regions());
+    trials.extend(list.equations());
+    trials.extend(list.autoregressions());
     for (every, rate) in steps(rows) {
         let mut base = base.clone();
         base.time.rate = Some(rate);
@@ -92,20 +92,20 @@ pub(crate) fn candidates(recipe: &Recipe, variants: &[Variant], rows: &Rows) -> 
             ..*rows
         };
         let prefix = format!("every {every} rows: ");
-        found.extend(List { base: &base, rows, effort: rows.effort, every, prefix }.some());
+        trials.extend(List { base: &base, rows, effort: rows.effort, every, prefix }.some());
     }
     if base.time.rate.is_some() && base.time.base.is_none() {
         // Stamps may be those of arrival, and the rows even as they are.
         let mut base = base.clone();
         base.time.rate = None;
         let prefix = "rows as they come: ".to_owned();
-        found.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
+        trials.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
     }
     for variant in variants {
         let (base, prefix) = (bare(&variant.recipe), format!("{}: ", variant.name));
-        found.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
+        trials.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
     }
-    found
+    trials
 }
 
 /// Rows whose states are smoothed at most: six fits take hundreds of passes over them each.
@@ -126,9 +126,9 @@ fn steps(rows: &Rows) -> Vec<(usize, f64)> {
     let Some(rate) = rows.rate else { return Vec::new() };
     let longest = |left: usize| [20, 10, 5, 2].into_iter().find(|every| rows.horizon / every >= left);
     let wanted: &[usize] = if rows.effort == Effort::Low { &[FINER] } else { &[FINER, COARSER] };
-    let mut found: Vec<usize> = wanted.iter().filter_map(|&left| longest(left)).collect();
-    found.dedup();
-    found.into_iter().map(|every| (every, rate / every as f64)).collect()
+    let mut intervals: Vec<usize> = wanted.iter().filter_map(|&left| longest(left)).collect();
+    intervals.dedup();
+    intervals.into_iter().map(|every| (every, rate / every as f64)).collect()
 }
 
 /// The recipe without the settings of candidates: the model's structure and the sections of methods stay unless a
@@ -192,17 +192,17 @@ impl List<'_> {
     }
 
     fn linear(&self) -> Vec<Trial> {
-        let mut found = Vec::new();
+        let mut trials = Vec::new();
         let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);
-        found.extend(self.lags().into_iter().map(lagged));
+        trials.extend(self.lags().into_iter().map(lagged));
         if self.rows.clock {
-            found.push(self.pwa("linear derivative", "derivative", "average", 0, None));
+            trials.push(self.pwa("linear derivative", "derivative", "average", 0, None));
             let over = |rows: u32| {
                 self.pwa(format!("linear derivative over {rows} rows"), "derivative", "average", 0, Some(rows))
             };
-            found.extend(self.spans().into_iter().map(over));
+            trials.extend(self.spans().into_iter().map(over));
         }
-        found
+        trials
     }
 
     fn regions(&self) -> Vec<Trial> {
@@ -214,23 +214,23 @@ impl List<'_> {
         if self.rows.training < 20 * (self.rows.columns + 1) {
             return Vec::new();
         }
-        let mut found: Vec<Trial> =
+        let mut trials: Vec<Trial> =
             wanted.iter().map(|&regions| self.pwa(format!("regions {regions}"), "delta", regions, 0, None)).collect();
         if self.effort != Effort::Low {
             let most = most_functions(self.effort) / 2;
             let lagged =
                 |lags: u32| self.pwa(format!("regions refined:2..5, {lags} lags"), "delta", "refined:2..5", lags, None);
             let fits = |lags: &u32| [2, 5].contains(lags) && self.rows.columns * (*lags as usize + 1) <= most;
-            found.extend(self.lags().into_iter().filter(fits).map(lagged));
+            trials.extend(self.lags().into_iter().filter(fits).map(lagged));
             if self.rows.clock {
                 let over = |rows: u32| {
                     let name = format!("regions refined:2..5, derivative over {rows} rows");
                     self.pwa(name, "derivative", "refined:2..5", 0, Some(rows))
                 };
-                found.extend(self.spans().into_iter().map(over));
+                trials.extend(self.spans().into_iter().map(over));
             }
         }
-        found
+        trials
     }
 
     fn equations(&self) -> Vec<Trial> {
@@ -240,7 +240,7 @@ impl List<'_> {
         };
         let own_library = !self.base.library.functions.is_empty() || self.base.library.radial.is_some();
         let degrees: Vec<u32> = if own_library { vec![1] } else { degrees.to_vec() };
-        let mut found = Vec::new();
+        let mut trials = Vec::new();
         for degree in degrees {
             if !own_library && monomials(self.rows.columns, degree as usize) > most_functions(self.effort) {
                 continue;
@@ -258,21 +258,21 @@ impl List<'_> {
                     }
                 })
             };
-            found.push(of(format!("difference equations {what}"), "delta", None));
+            trials.push(of(format!("difference equations {what}"), "delta", None));
             if self.rows.clock {
-                found.push(of(format!("equations {what}"), "derivative", None));
+                trials.push(of(format!("equations {what}"), "derivative", None));
                 // Fitted to smoothed rows, of every fold its own, and simulated against those that were measured.
                 let rows = smoothed_rows(self.effort);
                 if self.rows.noisy && (own_library || degree == 2) && self.rows.training <= rows {
-                    found.push(self.smoothed(format!("equations {what}, smoothed states"), own_library, degree));
+                    trials.push(self.smoothed(format!("equations {what}, smoothed states"), own_library, degree));
                 }
                 if self.effort != Effort::Low && degree < 3 {
                     let over = |rows: u32| of(format!("equations {what}, over {rows} rows"), "derivative", Some(rows));
-                    found.extend(self.spans().into_iter().map(over));
+                    trials.extend(self.spans().into_iter().map(over));
                 }
             }
         }
-        found
+        trials
     }
 
     /// Equations found in turn with the states, which are smoothed under them.
@@ -302,47 +302,49 @@ impl List<'_> {
         };
         let most = self.rows.before.saturating_sub(1);
         let lags: &[usize] = if self.effort == Effort::Low { &[4] } else { &[4, 10] };
-        let mut found: Vec<Trial> = lags.iter().filter(|lags| **lags <= most).map(|&lags| linear(lags)).collect();
+        let mut trials: Vec<Trial> = lags.iter().filter(|lags| **lags <= most).map(|&lags| linear(lags)).collect();
         let effort = match self.effort {
-            Effort::Low => return found,
+            Effort::Low => return trials,
             Effort::Normal => Effort::Low,
             Effort::High => Effort::Normal,
         };
         if self.base.states.len() <= 8 {
-            found.push(self.trial("autoregression", Kind::Narx, |recipe| recipe.narx.effort = Some(effort)));
+            trials.push(self.trial("autoregression", Kind::Narx, |recipe| recipe.narx.effort = Some(effort)));
         }
-        found
+        trials
     }
 
     /// The candidates at a longer step, with delayed inputs, and of rows at their recorded stamps.
     fn some(&self) -> Vec<Trial> {
-        let mut found = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
+        let mut trials = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
         let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);
-        found.extend(self.lags().into_iter().filter(|lags| *lags != 1).map(lagged));
+        trials.extend(self.lags().into_iter().filter(|lags| *lags != 1).map(lagged));
         if self.effort != Effort::Low {
-            found.extend(self.regions().into_iter().filter(|own| !own.name.contains("derivative")));
+            trials.extend(self.regions().into_iter().filter(|trial| !trial.name.contains("derivative")));
         }
-        found.extend(
-            self.equations().into_iter().filter(|own| !own.name.contains("over") && !own.name.contains("smoothed")),
+        trials.extend(
+            self.equations()
+                .into_iter()
+                .filter(|trial| !trial.name.contains("over") && !trial.name.contains("smoothed")),
         );
-        found.extend(self.autoregressions());
-        found
+        trials.extend(self.autoregressions());
+        trials
     }
 
     /// Physics that the recipe gives, and the model that its sections describe.
     fn known(&self, recipe: &Recipe) -> Vec<Trial> {
-        let mut found = Vec::new();
+        let mut trials = Vec::new();
         if !recipe.parameters.is_empty() {
-            found.push(self.trial("parameters of the recipe's equations", Kind::Parameters, |_| {}));
+            trials.push(self.trial("parameters of the recipe's equations", Kind::Parameters, |_| {}));
         }
         let said = &recipe.model;
         if said.predict.is_some() || said.degree.is_some() || said.lags.is_some() || said.partition.is_some() {
-            found.push(self.trial("as the recipe says", Kind::Pwa, |own| own.model = said.clone()));
+            trials.push(self.trial("as the recipe says", Kind::Pwa, |own| own.model = said.clone()));
         }
-        if recipe.pwa != PwaSection::default() && found.is_empty() {
-            found.push(self.trial("as the recipe says", Kind::Pwa, |_| {}));
+        if recipe.pwa != PwaSection::default() && trials.is_empty() {
+            trials.push(self.trial("as the recipe says", Kind::Pwa, |_| {}));
         }
-        found
+        trials
     }
 }
 
@@ -365,7 +367,7 @@ mod tests {
 
     fn names(text: &str, rows: Rows) -> Vec<String> {
         let recipe = Recipe::parse(text, "test").unwrap();
-        candidates(&recipe, &[], &rows).into_iter().map(|own| own.name).collect()
+        candidates(&recipe, &[], &rows).into_iter().map(|trial| trial.name).collect()
     }
 
     const ROWS: Rows = Rows {
@@ -385,7 +387,7 @@ mod tests {
         let all = names("[states]\nx = {}\n", ROWS);
         assert_eq!(all[..3], [MEAN, DRIFT, LINEAR]);
         for name in ["linear, 10 lags", "equations of degree 2", "regions kmeans:5", "autoregression"] {
-            assert!(all.iter().any(|own| own == name), "{name}: {all:?}");
+            assert!(all.iter().any(|trial| trial == name), "{name}: {all:?}");
         }
         let low = names("[states]\nx = {}\n", Rows { effort: Effort::Low, ..ROWS });
         assert!(low.len() < all.len() / 2);
@@ -393,13 +395,17 @@ mod tests {
         let few = names("[states]\nx = {}\n", Rows { training: 50, clock: false, before: 4, ..ROWS });
         assert!(few.iter().all(|name| !name.contains("derivative") && !name.starts_with("regions")), "{few:?}");
         assert!(few.iter().all(|name| !name.contains("10 lags")), "{few:?}");
-        let smoothed =
-            |rows: Rows| names("[states]\nx = {}\n", rows).iter().filter(|own| own.contains("smoothed states")).count();
+        let smoothed = |rows: Rows| {
+            names("[states]\nx = {}\n", rows).iter().filter(|trial| trial.contains("smoothed states")).count()
+        };
         let noisy = Rows { noisy: true, training: 2_000, ..ROWS };
         assert_eq!([noisy, Rows { noisy: false, ..noisy }, Rows { training: 3_000, ..noisy }].map(smoothed), [1, 0, 0]);
         assert_eq!(smoothed(Rows { training: 3_000, effort: Effort::High, ..noisy }), 1);
         let known = names("[states]\nx = { equation = \"a*x\" }\n[parameters]\na = { initial = 1.0 }\n", ROWS);
-        assert!(known.iter().any(|own| own.starts_with("parameters")) && !known.iter().any(|own| own.contains("auto")));
+        assert!(
+            known.iter().any(|trial| trial.starts_with("parameters"))
+                && !known.iter().any(|trial| trial.contains("auto"))
+        );
     }
 
     #[test]
@@ -408,7 +414,7 @@ mod tests {
         assert_eq!(of(500, Effort::Normal), [(10, 10.0), (20, 5.0)]);
         assert_eq!((of(100, Effort::Low), of(29, Effort::Normal)), (vec![(2, 50.0)], Vec::new()));
         let all = names("[states]\nx = {}\n", Rows { rate: Some(100.0), horizon: 500, room: 2000, ..ROWS });
-        assert!(all.iter().any(|own| own == "every 10 rows: equations of degree 2"), "{all:?}");
+        assert!(all.iter().any(|trial| trial == "every 10 rows: equations of degree 2"), "{all:?}");
     }
 
     #[test]

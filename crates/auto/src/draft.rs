@@ -122,7 +122,9 @@ pub(crate) fn drafted(
     notes
         .push(format!("states by names and motion: {}; {STATES} chooses others", names(draft.states.keys().collect())));
     notes.push(match draft.inputs.is_empty() {
-        true => format!("no column looks like an input, so the model has none; {INPUTS} names the columns that drive the machine"),
+        true => format!(
+            "no column looks like an input, so the model has none; {INPUTS} names the columns that drive the machine"
+        ),
         false => format!("inputs: {}; {INPUTS} chooses others", names(draft.inputs.keys().collect())),
     });
     Ok(draft)
@@ -158,7 +160,7 @@ fn of_table(
         let block = view.read(at, 0..episode.rows.min(ROWS), Halo::default())?;
         columns.iter_mut().enumerate().for_each(|(place, own)| own.push(block.core(place).to_vec()));
     }
-    let mut found = recipe.clone();
+    let mut draft = recipe.clone();
     let mut left_out: Vec<String> = Vec::new();
     let mut states: Vec<(String, usize)> = Vec::new();
     for (place, column) in view.columns().iter().enumerate() {
@@ -178,22 +180,24 @@ fn of_table(
                 if !angle {
                     states.push((name.clone(), place));
                 }
-                found.states.insert(name.clone(), State { kind, ..State::default() });
+                draft.states.insert(name.clone(), State { kind, ..State::default() });
             }
             // What is named as an input by hand makes the others states.
             Part::Input if recipe.inputs.is_empty() => {
-                found.inputs.insert(name.clone(), Input::Table(InputTable::default()));
+                draft.inputs.insert(name.clone(), Input::Table(InputTable::default()));
             }
-            Part::Input => left_out.push(format!("`{name}` (an input by its name or motion, but other inputs are named)")),
+            Part::Input => {
+                left_out.push(format!("`{name}` (an input by its name or motion, but other inputs are named)"))
+            }
             Part::LeftOut(why) => left_out.push(format!("`{name}` ({why})")),
         }
     }
-    if found.inputs.is_empty() {
+    if draft.inputs.is_empty() {
         let values: Vec<&[Vec<f64>]> = states.iter().map(|(_, place)| columns[*place].as_slice()).collect();
         for at in driven::drivers(&values) {
             let name = &states[at].0;
-            found.states.shift_remove(name);
-            found.inputs.insert(name.clone(), Input::Table(InputTable::default()));
+            draft.states.shift_remove(name);
+            draft.inputs.insert(name.clone(), Input::Table(InputTable::default()));
             notes.push(format!(
                 "`{name}` is an input: its past predicts other columns, and their past does not predict it; {STATES} makes it a state"
             ));
@@ -202,7 +206,7 @@ fn of_table(
     if !left_out.is_empty() {
         notes.push(format!("left out: {}", left_out.join(", ")));
     }
-    Ok(found)
+    Ok(draft)
 }
 
 /// The part of a column, by its name and its values in every episode.
@@ -225,7 +229,7 @@ pub(crate) fn part(name: &str, whole: bool, episodes: &[Vec<f64>]) -> Part {
     }
     let mut steps: Vec<f64> = episodes
         .iter()
-        .flat_map(|own| own.windows(2).map(|pair| pair[1] - pair[0]))
+        .flat_map(|episode| episode.windows(2).map(|pair| pair[1] - pair[0]))
         .filter(|step| step.is_finite())
         .collect();
     if !steps.is_empty() && is_clock(&steps) {

@@ -77,13 +77,13 @@ fn correlation(rows: &dyn Source, states: &[(usize, bool)]) -> Result<usize, Err
             break;
         }
         let block = rows.read(at, 0..count, Halo::default())?;
-        for (own, &(place, angle)) in seen.iter_mut().zip(states) {
-            block.core(place).iter().for_each(|&value| own.push(if angle { value.sin() } else { value }));
-            own.interrupt();
+        for (correlations, &(place, angle)) in seen.iter_mut().zip(states) {
+            block.core(place).iter().for_each(|&value| correlations.push(if angle { value.sin() } else { value }));
+            correlations.interrupt();
         }
     }
-    let first = |own: &Autocorrelation| {
-        let found = own.coefficients();
+    let first = |correlations: &Autocorrelation| {
+        let found = correlations.coefficients();
         let below = found.iter().position(|value| *value < (-1.0f64).exp());
         below.map_or(MOST, |at| lags[at])
     };
@@ -124,9 +124,9 @@ mod tests {
             .collect();
         let mut source = MemorySource::new(vec![Column::float("x")]);
         source.push_uniform("a", 0.01, vec![values]);
-        let found = HorizonChoice::of(&source, &[(0, false)], 1000, (None, 0.01)).unwrap().unwrap();
-        assert!((24..=37).contains(&found.steps), "{found:?}");
-        assert!((found.seconds - 0.01 * found.steps as f64).abs() < 1e-12);
+        let choice = HorizonChoice::of(&source, &[(0, false)], 1000, (None, 0.01)).unwrap().unwrap();
+        assert!((24..=37).contains(&choice.steps), "{choice:?}");
+        assert!((choice.seconds - 0.01 * choice.steps as f64).abs() < 1e-12);
         assert_eq!(HorizonChoice::of(&source, &[(0, false)], 40, (None, 0.01)).unwrap().unwrap().steps, 28);
         assert_eq!(HorizonChoice::of(&source, &[(0, false)], 1000, (Some(7), 0.01)).unwrap().unwrap().steps, 7);
         assert_eq!(HorizonChoice::of(&source, &[(0, false)], 6, (None, 0.01)).unwrap(), None);

@@ -159,18 +159,18 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     if own.as_ref().is_none_or(|cache| cache.least_bytes > 0) {
         recipe.cache = Some(Cache { folder: decoded.path().to_owned(), least_bytes: 0 });
     }
-    let found = Search { recipe: &recipe, logs, notes, checked };
-    let mut found = found.run(progress)?;
-    found.recipe.cache = own;
+    let outcome = Search { recipe: &recipe, logs, notes, checked };
+    let mut outcome = outcome.run(progress)?;
+    outcome.recipe.cache = own;
     let bytes = bytes_within(decoded.path());
     if bytes > 0 {
-        found.notes.push(format!(
+        outcome.notes.push(format!(
             "decoded messages took {:.1} MB of {} while this ran; they are deleted now",
             bytes as f64 * 1e-6,
             std::env::temp_dir().display()
         ));
     }
-    Ok(found)
+    Ok(outcome)
 }
 
 /// Bytes of the files in a folder; 0 of what cannot be read.
@@ -267,8 +267,9 @@ impl Search<'_> {
         }
         if !noisy.is_empty() {
             let tried = match view.rows() <= candidates::smoothed_rows(self.recipe.auto.effort.unwrap_or_default()) {
-                true => "equations of smoothed states are tried too, and simulated against the measured rows"
-                    .to_owned(),
+                true => {
+                    "equations of smoothed states are tried too, and simulated against the measured rows".to_owned()
+                }
                 false => format!(
                     "this effort does not smooth {} rows; {} smooths up to 20,000",
                     view.rows(),
@@ -284,40 +285,43 @@ impl Search<'_> {
     fn chosen(self, mut ranking: Ranking, horizon: HorizonChoice, progress: &dyn Progress) -> Result<Auto, Error> {
         let Some(chosen) = ranking.chosen() else { return Err(without(&ranking)) };
         let unbeaten = ranking.unbeaten(chosen);
-        let place = |name: &str| ranking.candidates.iter().position(|own| own.name == name);
+        let place = |name: &str| ranking.candidates.iter().position(|candidate| candidate.name == name);
         let (linear, mean) = (place(LINEAR), place(MEAN));
         let changes = Recipe { cache: self.recipe.cache.clone(), ..Recipe::default() };
         let test = |at: Option<usize>| {
-            let own = ranking.tried[at?].as_ref()?;
-            tested::simulated(&own.model, &changes, self.logs, &horizon.at_every(own.every), progress).ok()
+            let candidate = ranking.tried[at?].as_ref()?;
+            tested::simulated(&candidate.model, &changes, self.logs, &horizon.at_every(candidate.every), progress).ok()
         };
         progress.stage("test");
-        let Some(own) = &ranking.tried[chosen] else { return Err(without(&ranking)) };
-        let simulated = tested::simulated(&own.model, &changes, self.logs, &horizon.at_every(own.every), progress)?;
+        let Some(candidate) = &ranking.tried[chosen] else { return Err(without(&ranking)) };
+        let simulated =
+            tested::simulated(&candidate.model, &changes, self.logs, &horizon.at_every(candidate.every), progress)?;
         let (beside_linear, beside_mean) = (test(linear), test(mean));
         let of = |other: &Option<tested::Simulated>, state: &String| {
             let other = other.as_ref()?;
-            let place = other.states.iter().position(|own| own == state)?;
+            let place = other.states.iter().position(|name| name == state)?;
             Some(other.rmse(place).value)
         };
-        let model = &own.model;
-        let unit =
-            |state: &String| model.columns.iter().find(|own| own.name == *state).and_then(|own| own.unit.clone());
+        let model = &candidate.model;
+        let unit = |state: &String| {
+            model.columns.iter().find(|column| column.name == *state).and_then(|column| column.unit.clone())
+        };
         let states = simulated.states.iter().enumerate().map(|(at, state)| TestedState {
             state: state.clone(),
             unit: unit(state),
-            rmse: simulated.interval(at, &of_folds(&own.folds, state)),
+            rmse: simulated.interval(at, &of_folds(&candidate.folds, state)),
             linear: of(&beside_linear, state),
             persistence: simulated.persistence(at).value,
             mean: of(&beside_mean, state),
         });
         let tested = states.collect();
         let (split, movements) = rows::look(self.recipe, self.logs, progress)?;
-        let linear = linear.filter(|at| *at != chosen).and_then(|at| ranking.tried[at].take()).map(|own| own.model);
-        let Some(own) = ranking.tried[chosen].take() else { return Err(without(&ranking)) };
+        let linear =
+            linear.filter(|at| *at != chosen).and_then(|at| ranking.tried[at].take()).map(|candidate| candidate.model);
+        let Some(candidate) = ranking.tried[chosen].take() else { return Err(without(&ranking)) };
         let share = |count: usize| count as f64 / simulated.starts.max(1) as f64;
-        let mut found = Auto {
-            model: own.model,
+        let mut outcome = Auto {
+            model: candidate.model,
             linear,
             recipe: self.recipe.clone(),
             checked: Some(self.checked),
@@ -332,13 +336,13 @@ impl Search<'_> {
             sentences: Vec::new(),
             notes: self.notes,
             stopped: ranking.stopped,
-            every: own.every,
-            fit: own.report,
+            every: candidate.every,
+            fit: candidate.report,
         };
         let inputs: Vec<String> = self.recipe.inputs.keys().cloned().collect();
-        found.warning = verdict::warning(&found, unbeaten);
-        found.sentences = verdict::sentences(&found, &movements, &inputs);
-        Ok(found)
+        outcome.warning = verdict::warning(&outcome, unbeaten);
+        outcome.sentences = verdict::sentences(&outcome, &movements, &inputs);
+        Ok(outcome)
     }
 }
 
@@ -353,7 +357,10 @@ fn of_folds(folds: &[SimulatedFold], state: &str) -> Vec<f64> {
 
 /// No candidate that could be chosen, with the first reason.
 fn without(ranking: &Ranking) -> Error {
-    let reason = ranking.candidates.iter().find_map(|own| Some(format!("`{}`: {}", own.name, own.reason.as_ref()?)));
+    let reason = ranking
+        .candidates
+        .iter()
+        .find_map(|candidate| Some(format!("`{}`: {}", candidate.name, candidate.reason.as_ref()?)));
     Error::undetermined(format!(
         "none of {} models could be fitted and simulated; {}",
         ranking.candidates.len(),

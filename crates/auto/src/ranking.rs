@@ -67,48 +67,51 @@ impl Ranking {
         let training = logs.only(Part::Training);
         let budget = Budget::of(trials, rows, &training);
         progress.expect(budget.work());
-        let mut found = Self { candidates: Vec::new(), tried: Vec::new(), stopped: false };
+        let mut ranking = Self { candidates: Vec::new(), tried: Vec::new(), stopped: false };
         for (at, trial) in trials.iter().enumerate() {
             if let Some(reason) = budget.refusal(at) {
-                found.add(trial, None, &[], Some(reason));
+                ranking.add(trial, None, &[], Some(reason));
                 continue;
             }
             let stages = Stages::new(progress, format!("{} ({} of {})", trial.name, at + 1, trials.len()));
-            let simulations = Simulations { limit: found.limit(&trial.name), ..horizon.simulations(trial.every) };
+            let simulations = Simulations { limit: ranking.limit(&trial.name), ..horizon.simulations(trial.every) };
             let result = until_stopped(|| fitted(trial, &training, &simulations, &stages));
             match result {
-                Err(_) => found.stopped = true,
-                Ok(Err(Error::Cancelled(_))) => found.stopped = true,
-                Ok(Err(_)) if progress.cancelled() => found.stopped = true,
-                Ok(Err(error)) => found.add(trial, None, &[], Some(error.to_string())),
+                Err(_) => ranking.stopped = true,
+                Ok(Err(Error::Cancelled(_))) => ranking.stopped = true,
+                Ok(Err(_)) if progress.cancelled() => ranking.stopped = true,
+                Ok(Err(error)) => ranking.add(trial, None, &[], Some(error.to_string())),
                 Ok(Ok((tried, FoldSimulations::HeldOut(folds)))) => {
                     let still = (trial.name == DRIFT).then(|| persistence(&tried, &folds));
-                    found.add(trial, Some(tried), &folds, None);
+                    ranking.add(trial, Some(tried), &folds, None);
                     if let Some((tried, folds)) = still {
-                        found.add(&Trial { name: PERSISTENCE.into(), ..trial.clone() }, Some(tried), &folds, None);
+                        ranking.add(&Trial { name: PERSISTENCE.into(), ..trial.clone() }, Some(tried), &folds, None);
                     }
                 }
                 Ok(Ok((tried, FoldSimulations::BeyondLimit(error)))) => {
-                    let times = error / found.least().unwrap_or(f64::NAN);
+                    let times = error / ranking.least().unwrap_or(f64::NAN);
                     let reason = match times.is_finite() {
                         true => {
-                            format!("its error on training rows is {} times that of the best candidate before it", ratio(times))
+                            format!(
+                                "its error on training rows is {} times that of the best candidate before it",
+                                ratio(times)
+                            )
                         }
                         false => "simulations of its training rows diverge".to_owned(),
                     };
-                    found.add(trial, Some(tried), &[], Some(reason));
+                    ranking.add(trial, Some(tried), &[], Some(reason));
                 }
             }
-            if found.stopped {
+            if ranking.stopped {
                 break;
             }
         }
-        found
+        ranking
     }
 
     /// The least error so far.
     fn least(&self) -> Option<f64> {
-        self.candidates.iter().filter_map(|own| own.error).min_by(f64::total_cmp)
+        self.candidates.iter().filter_map(|candidate| candidate.error).min_by(f64::total_cmp)
     }
 
     /// The error on its training rows beyond which a candidate is given up; `None` for those that others are compared with.
@@ -165,16 +168,16 @@ impl Ranking {
 
     /// Name of a baseline that the chosen model does not beat by more than the standard error; `None` if it beats all.
     pub(crate) fn unbeaten(&self, chosen: usize) -> Option<&'static str> {
-        let own = &self.candidates[chosen];
-        if own.name == MEAN {
+        let candidate = &self.candidates[chosen];
+        if candidate.name == MEAN {
             return Some("the mean");
         }
-        let still = vec![1.0; own.folds.len()];
-        if [DRIFT, PERSISTENCE].contains(&own.name.as_str()) || !is_better(&own.folds, &still) {
+        let still = vec![1.0; candidate.folds.len()];
+        if [DRIFT, PERSISTENCE].contains(&candidate.name.as_str()) || !is_better(&candidate.folds, &still) {
             return Some("persistence");
         }
         let mean = self.candidates.iter().find(|other| other.name == MEAN && other.error.is_some())?;
-        (!is_better(&own.folds, &mean.folds)).then_some("the mean")
+        (!is_better(&candidate.folds, &mean.folds)).then_some("the mean")
     }
 }
 
@@ -186,7 +189,7 @@ const ALIKE: f64 = 1.05;
 
 /// Returns true if errors are lower than others, fold by fold, by more than one standard error of the difference.
 fn is_better(folds: &[f64], others: &[f64]) -> bool {
-    let differences: Vec<f64> = others.iter().zip(folds).map(|(other, own)| other - own).collect();
+    let differences: Vec<f64> = others.iter().zip(folds).map(|(other, fold)| other - fold).collect();
     let (mean, spread) = mean_and_error(&differences);
     mean > 0.0 && (mean > spread || !spread.is_finite())
 }
@@ -274,34 +277,34 @@ mod tests {
     #[test]
     fn the_smallest_model_within_one_standard_error_is_taken() {
         let ranking = |candidates: Vec<Candidate>| Ranking { candidates, tried: Vec::new(), stopped: false };
-        let found = ranking(vec![
+        let ranked = ranking(vec![
             candidate(MEAN, 1, &[0.9, 0.8, 1.0]),
             candidate("linear", 4, &[0.5, 0.41, 0.6]),
             candidate("regions", 20, &[0.49, 0.42, 0.59]),
             candidate("diverges", 2, &[0.1, f64::INFINITY, 0.1]),
         ]);
-        assert_eq!(found.chosen(), Some(1));
-        assert_eq!(found.unbeaten(1), None);
+        assert_eq!(ranked.chosen(), Some(1));
+        assert_eq!(ranked.unbeaten(1), None);
         // Folds differ much, but in every one the larger model is better by as much.
-        let found =
+        let ranked =
             ranking(vec![candidate("linear", 4, &[0.5, 0.3, 0.9]), candidate("regions", 20, &[0.4, 0.21, 0.79])]);
-        assert_eq!(found.chosen(), Some(1));
-        let found = ranking(vec![candidate(MEAN, 1, &[0.7, 0.72, 0.71]), candidate("linear", 4, &[0.71, 0.7, 0.73])]);
+        assert_eq!(ranked.chosen(), Some(1));
+        let ranked = ranking(vec![candidate(MEAN, 1, &[0.7, 0.72, 0.71]), candidate("linear", 4, &[0.71, 0.7, 0.73])]);
         assert_eq!(
-            (found.chosen(), found.unbeaten(0), found.unbeaten(1)),
+            (ranked.chosen(), ranked.unbeaten(0), ranked.unbeaten(1)),
             (Some(0), Some("the mean"), Some("the mean"))
         );
-        let found =
+        let ranked =
             ranking(vec![candidate("linear", 4, &[0.6, 1.9, 0.5]), candidate("regions", 20, &[0.5, 0.52, 0.51])]);
-        assert_eq!(found.chosen(), Some(1), "errors that scatter are not near");
-        assert_eq!((found.limit("regions"), found.limit(LINEAR)), (Some(2.0 * (0.5 + 0.52 + 0.51) / 3.0), None));
+        assert_eq!(ranked.chosen(), Some(1), "errors that scatter are not near");
+        assert_eq!((ranked.limit("regions"), ranked.limit(LINEAR)), (Some(2.0 * (0.5 + 0.52 + 0.51) / 3.0), None));
         let still = || candidate(PERSISTENCE, 0, &[1.0, 1.0, 1.0]);
-        let found = ranking(vec![still(), candidate("linear", 4, &[1.1, 0.9, 1.2])]);
-        assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
-        let found = ranking(vec![still(), candidate("linear", 4, &[1.1, 0.6, 0.9])]);
-        assert_eq!(found.chosen(), Some(1));
-        let found = ranking(vec![candidate("linear", 4, &[1.1, 0.9, 1.2])]);
-        assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
+        let ranked = ranking(vec![still(), candidate("linear", 4, &[1.1, 0.9, 1.2])]);
+        assert_eq!((ranked.chosen(), ranked.unbeaten(0)), (Some(0), Some("persistence")));
+        let ranked = ranking(vec![still(), candidate("linear", 4, &[1.1, 0.6, 0.9])]);
+        assert_eq!(ranked.chosen(), Some(1));
+        let ranked = ranking(vec![candidate("linear", 4, &[1.1, 0.9, 1.2])]);
+        assert_eq!((ranked.chosen(), ranked.unbeaten(0)), (Some(0), Some("persistence")));
         assert_eq!(ranking(vec![candidate("a", 1, &[f64::INFINITY; 2])]).chosen(), None);
     }
 }

@@ -59,8 +59,8 @@ pub(crate) fn look(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Res
     let (training, test) = (open(Part::Training)?, open(Part::Test)?);
     let (training_view, test_view) = (training.view()?, test.view()?);
     let stamps = |view: &dyn Source| {
-        let first = view.episodes().iter().map(|own| own.start).min().unwrap_or(0);
-        let last = view.episodes().iter().map(|own| own.end).max().unwrap_or(0);
+        let first = view.episodes().iter().map(|episode| episode.start).min().unwrap_or(0);
+        let last = view.episodes().iter().map(|episode| episode.end).max().unwrap_or(0);
         [first, last]
     };
     let [a, b] = [stamps(&training_view), stamps(&test_view)];
@@ -76,14 +76,15 @@ pub(crate) fn look(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Res
         let before = if split.training.episodes == 1 { dt * split.training.rows as f64 } else { 0.0 };
         split.test.seconds = split.test.seconds.map(|seconds| seconds + before);
     }
-    let (own, other) = (ranges(&training_view)?, ranges(&test_view)?);
-    let movements = training_view.columns().iter().zip(own.iter().zip(&other)).map(|(column, (own, other))| Movement {
-        name: column.name.clone(),
-        unit: column.unit.clone(),
-        training: own.0,
-        test: other.0,
-        moves: own.1,
-    });
+    let (training, test) = (ranges(&training_view)?, ranges(&test_view)?);
+    let movements =
+        training_view.columns().iter().zip(training.iter().zip(&test)).map(|(column, (training, test))| Movement {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            training: training.0,
+            test: test.0,
+            moves: training.1,
+        });
     Ok((split, movements.collect()))
 }
 

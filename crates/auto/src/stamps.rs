@@ -25,10 +25,9 @@ pub(crate) fn evened(
         return Ok(());
     }
     let dataset = Dataset::for_columns(recipe, None, logs, progress)?;
-    let (rows, nanoseconds) = dataset
-        .episodes()
-        .iter()
-        .fold((0usize, 0i64), |(rows, span), own| (rows + own.rows.saturating_sub(1), span + (own.end - own.start)));
+    let (rows, nanoseconds) = dataset.episodes().iter().fold((0usize, 0i64), |(rows, span), episode| {
+        (rows + episode.rows.saturating_sub(1), span + (episode.end - episode.start))
+    });
     if rows == 0 || nanoseconds <= 0 {
         return Ok(());
     }

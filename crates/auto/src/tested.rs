@@ -45,7 +45,7 @@ pub(crate) fn simulated(
     let steps = horizon.steps.min(longest.saturating_sub(horizon.before + 2)).max(1);
     let starts = Starts::Even(STARTS).choose(&view, steps, horizon.before, steps + 1)?;
     let options = simulation_options(steps);
-    let mut found =
+    let mut tested =
         Simulated { states: Vec::new(), model: Vec::new(), persistence: Vec::new(), outside: 0, ended: 0, starts: 0 };
     let mut missing = None;
     for part in starts.chunks(starts.len().div_ceil(PARTS)) {
@@ -60,16 +60,16 @@ pub(crate) fn simulated(
         };
         let (own, still) = against_persistence(&rolled.horizon);
         let squares = |errors: Vec<f64>| errors.into_iter().map(|error| error * error).collect::<Vec<f64>>();
-        found.model.push(squares(own));
-        found.persistence.push(squares(still));
-        found.states.clone_from(&rolled.horizon.states);
-        found.outside += rolled.left_domain();
-        found.ended += rolled.diverged() + rolled.without_region();
-        found.starts += rolled.outcomes.len();
+        tested.model.push(squares(own));
+        tested.persistence.push(squares(still));
+        tested.states.clone_from(&rolled.horizon.states);
+        tested.outside += rolled.left_domain();
+        tested.ended += rolled.diverged() + rolled.without_region();
+        tested.starts += rolled.outcomes.len();
     }
     match missing {
-        Some(error) if found.starts == 0 => Err(error),
-        _ => Ok(found),
+        Some(error) if tested.starts == 0 => Err(error),
+        _ => Ok(tested),
     }
 }
 
@@ -143,8 +143,10 @@ mod tests {
 
     #[test]
     fn intervals_of_roots_are_positive() {
-        let found = root([1.0, 4.0, 100.0].into_iter());
-        assert!((found.value - 35.0f64.sqrt()).abs() < 1e-12 && found.low > 0.0 && found.high > found.value);
+        let interval = root([1.0, 4.0, 100.0].into_iter());
+        assert!(
+            (interval.value - 35.0f64.sqrt()).abs() < 1e-12 && interval.low > 0.0 && interval.high > interval.value
+        );
         assert!(root([4.0].into_iter()).low.is_nan());
         let same = root([4.0; 5].into_iter());
         assert_eq!((same.value, same.low, same.high), (2.0, 2.0, 2.0));

@@ -40,9 +40,12 @@ impl AutoOutput {
     pub fn check(&self, inputs: &[PathBuf]) -> Result<(), Error> {
         let folder = self.folder.display();
         let whole = |path: &Path| fs::canonicalize(path).ok();
-        let own = whole(&self.folder);
-        let within =
-            |input: &&PathBuf| own.as_ref().is_some_and(|own| whole(input).is_some_and(|path| path.starts_with(own)));
+        let folder_path = whole(&self.folder);
+        let within = |input: &&PathBuf| {
+            folder_path
+                .as_ref()
+                .is_some_and(|folder_path| whole(input).is_some_and(|path| path.starts_with(folder_path)))
+        };
         // A recipe that an earlier result has is read before its folder is replaced.
         if let Some(input) = inputs.iter().filter(|input| !input.ends_with(FILES[1])).find(within) {
             return Err(Error::output(format!(
