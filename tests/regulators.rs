@@ -117,5 +117,9 @@ fn what_cannot_be_kept_is_said() {
     lqr(&["--limits", "u_v=1:0"]).fails(&["above the lowest"]);
     lqr(&["-o", "model.json"]).fails(&["model.json"]);
     let moving = lqr(&["--setpoint", "x=0,y=0,vx=0.4", "-o", "away.json"]).ok();
-    assert!(moving.err.contains("d(x)/dt = 1.500e-1") && moving.out.contains("no equilibrium of the model"), "{}", moving.err);
+    assert!(
+        moving.err.contains("d(x)/dt = 1.500e-1") && moving.out.contains("no equilibrium of the model"),
+        "{}",
+        moving.err
+    );
 }

@@ -242,7 +242,8 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     let said = run(&["report", "sindy.json", "--fit", "sparse-fit.json"]);
     assert!(said.err.contains("of no model on this page, by their hashes: 1"), "{}", said.err);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
-    run(&["report", "sindy.json", "--fit", "one.csv"]).fails(&["one.csv is not JSON", "the output of a fit with --json"]);
+    run(&["report", "sindy.json", "--fit", "one.csv"])
+        .fails(&["one.csv is not JSON", "the output of a fit with --json"]);
     run(&["report", "sindy.json", "--fit", "sindy.json"]).fails(&["not a report of a fit", "--json"]);
 }
 

@@ -88,7 +88,9 @@ impl Information {
                     Place::Wanted("storage_identifier") => own.storage_identifier = value.into_owned(),
                     Place::Wanted("compression_mode") => own.compression_mode = value.into_owned(),
                     Place::Item("relative_file_paths") => own.relative_file_paths.push(value.into_owned()),
-                    Place::Wanted(key) | Place::Item(key) => return unexpected(&format!("`{key}` has an unexpected type")),
+                    Place::Wanted(key) | Place::Item(key) => {
+                        return unexpected(&format!("`{key}` has an unexpected type"));
+                    }
                     Place::Elsewhere => {}
                 },
                 Event::MappingStart(..) | Event::SequenceStart(..) => {

@@ -200,7 +200,11 @@ fn array(word: &[u8]) -> [u8; 8] {
 }
 
 fn spill_error(path: &Path, source: io::Error) -> Error {
-    Error::Io { path: path.into(), action: "keep its decoded columns in a temporary file (TMPDIR sets the folder)", source }
+    Error::Io {
+        path: path.into(),
+        action: "keep its decoded columns in a temporary file (TMPDIR sets the folder)",
+        source,
+    }
 }
 
 /// Fills a [`ColumnStore`].

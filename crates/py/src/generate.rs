@@ -57,7 +57,10 @@ fn world_of(
     }
     if let Some(kind) = excitation {
         if !world.excitable() {
-            return Err(Error::conflict(format!("excitation: only the controller drives `{}`, so it has no excitation; leave it out", world.robot())));
+            return Err(Error::conflict(format!(
+                "excitation: only the controller drives `{}`, so it has no excitation; leave it out",
+                world.robot()
+            )));
         }
         world.excite(kind)?;
     }

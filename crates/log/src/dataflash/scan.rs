@@ -279,7 +279,9 @@ impl Scan {
                 self.pieces.push(Piece { bytes, before, topics });
             }
         }
-        for (count, what) in [(late, "messages with times far after the others"), (beyond, "messages of too many instances")] {
+        for (count, what) in
+            [(late, "messages with times far after the others"), (beyond, "messages of too many instances")]
+        {
             if count > 0 {
                 let lost = Lost { messages: Some(count), ..Lost::default() };
                 self.damage.add(0, &format!("{count} {what} in the file"), lost);

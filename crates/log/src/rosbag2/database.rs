@@ -90,8 +90,9 @@ impl DatabaseContainer {
             mend: "give the file that `ros2 bag record` wrote; a damaged one: `sqlite3 FILE .recover | sqlite3 NEW.db3`",
         };
         let table = |name: &str| {
-            Table::of(&database, name)
-                .ok_or_else(|| foreign(format!("an SQLite database without a table `{name}`, so not a rosbag2 recording")))
+            Table::of(&database, name).ok_or_else(|| {
+                foreign(format!("an SQLite database without a table `{name}`, so not a rosbag2 recording"))
+            })
         };
         let lacks = |table: &str, column: &str| foreign(format!("the table `{table}` has no column `{column}`"));
         let messages = table("messages")?;

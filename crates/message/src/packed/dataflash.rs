@@ -58,7 +58,8 @@ pub(crate) fn codec(name: &str, text: &[u8]) -> Result<Box<dyn Codec>, SchemaErr
         let (mut shape, _) = shape(letter)
             .ok_or_else(|| malformed(format!("the type `{}` of `{field}` is unknown", char::from(letter))))?;
         let factor = words.next().filter(|factor| !factor.is_empty());
-        let factor = factor.map(|factor| factor.parse::<f64>().map_err(|_| malformed(format!("`{line}` is not a field"))));
+        let factor =
+            factor.map(|factor| factor.parse::<f64>().map_err(|_| malformed(format!("`{line}` is not a field"))));
         if let (Shape::Number(number), Some(factor)) = (&mut shape, factor.transpose()?) {
             number.scale = Some(factor);
         }
