@@ -55,7 +55,13 @@ def starts(episodes, horizon, before):
     return [possible[(2 * k + 1) * len(possible) // (2 * STARTS)] for k in range(STARTS)] if len(possible) > STARTS else possible
 
 
-def by_fleetfoot(fleetfoot, model, folder, states, steps, before, every):
+def difference(predicted, measured, is_angle):
+    """Angles differ by half a turn at most."""
+    error = predicted - measured
+    return np.where(is_angle, np.arctan2(np.sin(error), np.cos(error)), error)
+
+
+def by_fleetfoot(fleetfoot, model, folder, states, angles, steps, before, every):
     """Errors of a model by state, of the trajectories that begin at the row behind the `before` others of every piece, and how many there are. Pieces with few rows
     before are tried first: every row that a piece has more is one more simulation."""
     for pieces, own in (("near", NEAR), ("far", before)) if every == 1 and before > NEAR else (("far", before),):
@@ -75,7 +81,8 @@ def by_fleetfoot(fleetfoot, model, folder, states, steps, before, every):
         if begun.get(name, (-1, None))[0] < row[at] <= own // every:
             begun[name] = (row[at], trajectory[at])
     wanted = np.isin(trajectory, [own for _, own in begun.values()]) & (step > 0)
-    error = lambda state: table[state].to_numpy()[wanted] - table[f"{state} measured"].to_numpy()[wanted]
+    values = lambda name: table[name].to_numpy()[wanted]
+    error = lambda state: difference(values(state), values(f"{state} measured"), state in angles)
     return [float(np.sqrt(np.nanmean(error(state) ** 2))) for state in states], len(begun)
 
 
@@ -84,13 +91,13 @@ def windows(episodes, begun, names, first, last):
     return np.array([[[episodes[at][name][row + k] for name in names] for k in range(first, last + 1)] for at, row in begun])
 
 
-def rmse(predicted, measured):
+def rmse(predicted, measured, angles):
     with np.errstate(all="ignore"):
-        error = np.sqrt(np.mean((predicted - measured) ** 2, axis=(0, 1)))
+        error = np.sqrt(np.mean(difference(predicted, measured, np.array(angles)) ** 2, axis=(0, 1)))
     return [float(value) if np.isfinite(value) else float("inf") for value in error]
 
 
-def by_pysindy(train, test, begun, states, inputs, period, horizon):
+def by_pysindy(train, test, begun, states, angles, inputs, period, horizon):
     columns = lambda own, names: np.column_stack([own[name] for name in names])
     model = pysindy.SINDy()
     controls = {"u": [columns(own, inputs) for own in train]} if inputs else {}
@@ -104,10 +111,10 @@ def by_pysindy(train, test, begun, states, inputs, period, horizon):
         c = slope(x + period / 2 * b, k)
         x = np.clip(x + period / 6 * (a + 2 * b + 2 * c + slope(x + period * c, k)), -1e9, 1e9)
         found.append(x)
-    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon))
+    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon), [state in angles for state in states])
 
 
-def by_lags(train, test, begun, states, inputs, lags, horizon):
+def by_lags(train, test, begun, states, angles, inputs, lags, horizon):
     past = lambda own, names, row: np.concatenate([own[name][row - lags + 1 : row + 1] for name in names]) if names else np.empty(0)
     X, Y = [], []
     for own in train:
@@ -123,7 +130,7 @@ def by_lags(train, test, begun, states, inputs, lags, horizon):
         ahead = np.clip(model.predict(row), -1e9, 1e9)
         found.append(ahead)
         x = np.concatenate([x[:, :, 1:], ahead[:, :, None]], 2)
-    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon))
+    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon), [state in angles for state in states])
 
 
 def hands(rate, horizon):
@@ -179,33 +186,36 @@ def study(fleetfoot, data, folder, name):
         for k, (at, row) in enumerate(begun):
             write(own / pieces / f"p{k:03}.csv", {name: values[row - past : row + horizon + 2] for name, values in rows[at].items()})
     measured = windows(rows, begun, states, 1, horizon)
-    still = rmse(windows(rows, begun, states, 0, 0), measured)
+    columns = json.loads((own / "model" / "model.json").read_text())["model"]["columns"]
+    angles = [column["name"] for column in columns if column["angle"]]
+    still = rmse(windows(rows, begun, states, 0, 0), measured, [state in angles for state in states])
     moving = [k for k, value in enumerate(still) if value > 0]
     ratio = lambda errors: float(np.mean([errors[k] / still[k] for k in moving]))
     result = {"name": name, "options": list(options), "states": states, "inputs": inputs, "horizon": horizon, "seconds": seconds, "chosen": found["chosen"], "warning": found["warning"], "persistence": still}
-    errors, count = by_fleetfoot(fleetfoot, own / "model" / "model.json", own, states, horizon, before, every)
+    errors, count = by_fleetfoot(fleetfoot, own / "model" / "model.json", own, states, angles, horizon, before, every)
     result |= {"auto": ratio(errors), "starts": count, "of": len(begun)}
     result["printed"] = [[state["state"], *state["rmse"], error] for state, error in zip(found["tested"], errors)]
     result["said"] = float(np.mean([state["rmse"][0] / state["persistence"] for state in found["tested"]]))
-    key = json.dumps([states, inputs, horizon, before, period])
+    key = json.dumps([states, angles, inputs, horizon, before, period])
     kept = own / "rivals.json"
     if kept.exists() and (known := json.loads(kept.read_text()))["key"] == key:
         return result | known
     rivals, even_train = {"key": key}, [even(own, period) for own in train]
     try:
-        rivals["pysindy"] = ratio(by_pysindy(even_train, rows, begun, states, inputs, period, horizon))
+        rivals["pysindy"] = ratio(by_pysindy(even_train, rows, begun, states, angles, inputs, period, horizon))
     except Exception as problem:
         rivals["pysindy"] = str(problem)[:80]
-    lagged = [ratio(by_lags(even_train, rows, begun, states, inputs, lags, horizon)) for lags in LAGS]
+    lagged = [ratio(by_lags(even_train, rows, begun, states, angles, inputs, lags, horizon)) for lags in LAGS]
     rivals["arx"] = min(lagged)
     plain = own / "hand.toml"
-    plain.write_text("".join(f'[states."{name}"]\n' for name in states) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {given[1]}\n" if given else ""))
+    state = lambda name: f'[states."{name}"]\n' + ('kind = "angle"\n' if name in angles else "")
+    plain.write_text("".join(map(state, states)) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {given[1]}\n" if given else ""))
     best = []
     linear = ["pwa", "--predict", "delta", "--partition", "average"]
     for words, seen in [(linear, 1), *hands(1 / period, horizon)]:
         try:
             file = tried(fleetfoot, own, plain, list(words))
-            error = ratio(by_fleetfoot(fleetfoot, file, own, states, horizon, before, seen)[0])
+            error = ratio(by_fleetfoot(fleetfoot, file, own, states, angles, horizon, before, seen)[0])
         except (RuntimeError, subprocess.TimeoutExpired) as problem:
             best.append([float("inf"), " ".join(map(str, words)), str(problem)[:200]])
             continue
