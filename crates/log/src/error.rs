@@ -1,6 +1,6 @@
 //! Errors: each names the file, the place in it, and the remedy.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fleetfoot_data::Cancelled;
 use fleetfoot_data::setting::{self, DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION};
@@ -54,7 +54,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A file of an unknown format.
-    #[error("{}: unknown format; the readable ones end in {}: rename or convert the file", path.display(), KNOWN)]
+    #[error("{}: {}", path.display(), unknown_format(path))]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -497,6 +497,20 @@ impl From<Error> for fleetfoot_data::Error {
             error => Self::Read(Box::new(error)),
         }
     }
+}
+
+/// What is wrong with a file of an unknown format: some formats are read in Python alone.
+fn unknown_format(path: &Path) -> String {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let (kind, package) = match &*ending {
+        "h5" | "hdf5" | "hdf" | "he5" => ("HDF5", "h5py"),
+        "arrow" | "feather" | "arrows" | "ipc" => ("Arrow", "pyarrow"),
+        _ => return format!("unknown format; the readable ones end in {KNOWN}: rename or convert the file"),
+    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    format!(
+        "{kind} is read in Python alone, as ff.open(\"{name}\") with {package}: open it there, or save it as Parquet or CSV"
+    )
 }
 
 /// `; <with> <name>` when there is a name, else `; <without>`.

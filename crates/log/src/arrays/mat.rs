@@ -48,9 +48,8 @@ const LOGICAL: u8 = 2;
 pub(super) fn refused(path: &Path) -> Error {
     Error::WrongFormat {
         path: path.into(),
-        problem: "a .mat of version 7.3 is an HDF5 file, which fleetfoot cannot read".into(),
-        mend: "save it in MATLAB with '-v7'; or open its arrays in Python: `file = h5py.File(\"run.mat\")`, then \
-               `ff.open({\"t\": file[\"t\"][0], \"x\": file[\"x\"][0]})`",
+        problem: "a .mat of version 7.3 is HDF5, which is read in Python alone".into(),
+        mend: "save it in MATLAB with '-v7', or open it in Python, as `ff.open(\"run.mat\")` with h5py",
     }
 }
 

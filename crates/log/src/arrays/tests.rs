@@ -149,3 +149,22 @@ fn damage_is_told_and_the_rest_is_read() {
     let info = inspect(&path).unwrap();
     assert!(info.notes.iter().any(|note| note.contains("cut or damaged at byte")), "{:?}", info.notes);
 }
+
+#[test]
+fn formats_that_python_reads_are_named() {
+    for (name, package) in
+        [("run.h5", "h5py"), ("run.HDF5", "h5py"), ("run.feather", "pyarrow"), ("run.arrow", "pyarrow")]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, b"any").unwrap();
+        for message in [
+            crate::inspect(&path).unwrap_err().to_string(),
+            crate::paths([path.clone()]).unwrap_err().to_string(),
+            crate::open(&[&path], &Selection::default()).unwrap_err().to_string(),
+        ] {
+            let mend = format!("is read in Python alone, as ff.open(\"{name}\") with {package}");
+            assert!(message.contains(&mend) && message.contains("CSV"), "{message}");
+        }
+    }
+}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _core, _outside
 from ._arrays import numbers
 from ._axes import channels_of
 from ._frames import Frame, frame
@@ -117,7 +117,8 @@ def open(  # noqa: A001
     ----------
     source : path, table, array, mapping, list or iterator
         - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, ROS 1 bags, ULog, ArduPilot, WPILOG,
-          Parquet, CSV, NumPy and MATLAB files, or a statistic (``.stats``). They stream.
+          Parquet, CSV, NumPy and MATLAB files, or a statistic (``.stats``). They stream. HDF5, MATLAB 7.3 and Arrow files
+          (Feather) are read whole, by h5py and pyarrow.
         - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2
           and later, duckdb). Columns of ``float64`` without nulls in one chunk are not copied.
         - A mapping from names to arrays of shape (rows,), or of shape (rows, k), whose columns are called ``name0``,
@@ -209,7 +210,12 @@ def _files(source: Any, name: Any, t: Any) -> _core.Data:
         raise ValueError("name: files have their own names")
     if t is not None and not isinstance(t, str):
         raise ValueError("t: files have their own stamps; give the name of the clock's column")
-    return _core.Data.files([source] if _is_path(source) else list(source))
+    paths = [source] if _is_path(source) else list(source)
+    outside = [path for path in paths if _outside.is_outside(path)]
+    inside = [path for path in paths if not any(path is one for one in outside)]
+    parts = [_core.Data.files(inside)] if inside else []
+    parts += [_run(os.fspath(path), _outside.read(path)) for path in outside]
+    return parts[0].joined(parts[1:]) if len(parts) > 1 else parts[0]
 
 
 def _memory(source: Any, name: Any, t: Any, *, has_clock: bool) -> tuple[_core.Data, tuple[str, str | None] | None]:
