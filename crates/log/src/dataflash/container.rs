@@ -120,9 +120,9 @@ impl Container for DataflashContainer {
         let Scan { form, definitions, topics, .. } = &self.scan;
         let (mut at, mut last) = (bytes.start, *before);
         while at < bytes.end
-            && let Ok(record) = form.record(&self.map, at, &definitions.formats)
+            && let Ok(record) = form.head(&self.map, at, &definitions.formats)
         {
-            at = record.end;
+            let begin = std::mem::replace(&mut at, record.end);
             let Some(format) = definitions.formats.get(record.kind).filter(|format| format.is_topic()) else {
                 continue;
             };
@@ -132,7 +132,10 @@ impl Container for DataflashContainer {
             if let Some(&topic) = topic
                 && is_wanted.get(topic) == Some(&true)
             {
-                each(topic, time, time, &record.payload)?;
+                let whole = form.record(&self.map, begin, &definitions.formats);
+                if let Ok(whole) = whole {
+                    each(topic, time, time, &whole.payload)?;
+                }
             }
         }
         self.map.release(bytes.clone());

@@ -105,6 +105,12 @@ impl Format {
         Some(Field { at, letter, size: dataflash_letter(letter)?.0 })
     }
 
+    /// Bytes of its fields up to its time and its instance.
+    pub(super) fn head(&self) -> usize {
+        let fields = self.clock.map(|(field, _)| field).into_iter().chain(self.instance);
+        fields.map(|field| field.at.saturating_add(field.size)).max().unwrap_or(0)
+    }
+
     /// True if its messages are a topic.
     pub(super) fn is_topic(&self) -> bool {
         !DEFINING.contains(&self.name.as_str())

@@ -22,11 +22,20 @@ pub(super) struct Record<'a> {
 }
 
 impl Form {
+    /// The message at a place with as much of its fields as its time and its topic take, of a message that was found
+    /// sound: most lines need not be read further.
+    pub(super) fn head<'a>(self, bytes: &'a [u8], at: usize, formats: &Formats) -> Result<Record<'a>, &'static str> {
+        match self {
+            Self::Binary => binary(bytes, at, formats),
+            Self::Text => line(bytes, at, formats, Format::head),
+        }
+    }
+
     /// The message at a place, or why there is none.
     pub(super) fn record<'a>(self, bytes: &'a [u8], at: usize, formats: &Formats) -> Result<Record<'a>, &'static str> {
         match self {
             Self::Binary => binary(bytes, at, formats),
-            Self::Text => line(bytes, at, formats),
+            Self::Text => line(bytes, at, formats, |_| usize::MAX),
         }
     }
 
@@ -59,41 +68,56 @@ fn binary<'a>(bytes: &'a [u8], at: usize, formats: &Formats) -> Result<Record<'a
     Ok(Record { kind, payload: Cow::Borrowed(payload), end: at + HEAD + format.length })
 }
 
-fn line<'a>(bytes: &'a [u8], at: usize, formats: &Formats) -> Result<Record<'a>, &'static str> {
+/// The message of a line, with as many bytes of its fields as `wanted` says, and those of the last of them.
+fn line<'a>(
+    bytes: &'a [u8],
+    at: usize,
+    formats: &Formats,
+    wanted: impl Fn(&Format) -> usize,
+) -> Result<Record<'a>, &'static str> {
     let rest = bytes.get(at..).unwrap_or_default();
     // A number of the last line may be cut, and would be another one.
     let length = memchr::memchr(b'\n', rest).ok_or(CUT)?;
     let text = std::str::from_utf8(rest.get(..length).unwrap_or_default()).map_err(|_| "a line that is not text")?;
-    let text = text.trim();
-    let (name, values) = text.split_once(',').unwrap_or((text, ""));
-    let (kind, format) = formats.by_name(name.trim()).ok_or("a message of an undefined type")?;
-    let payload = packed(format, values).ok_or("a line whose values do not fit its format")?;
+    let text = text.trim_ascii();
+    let (name, values) = cut(text, memchr::memchr(b',', text.as_bytes()));
+    let (kind, format) = formats.by_name(name.trim_ascii()).ok_or("a message of an undefined type")?;
+    let payload =
+        packed(format, values.unwrap_or(""), wanted(format)).ok_or("a line whose values do not fit its format")?;
     Ok(Record { kind, payload: Cow::Owned(payload), end: at + length + 1 })
 }
 
-/// The values of a line as the fields of a message.
-fn packed(format: &Format, values: &str) -> Option<Vec<u8>> {
-    let mut bytes = Vec::with_capacity(format.length);
+/// The text before and after a byte, or all of it.
+fn cut(text: &str, at: Option<usize>) -> (&str, Option<&str>) {
+    match at.and_then(|at| Some((text.get(..at)?, text.get(at + 1..)?))) {
+        Some((before, after)) => (before, Some(after)),
+        None => (text, None),
+    }
+}
+
+/// The values of a line as the fields of a message, up to so many bytes.
+fn packed(format: &Format, values: &str, wanted: usize) -> Option<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(format.length.min(wanted));
     let mut rest = Some(values);
     for (place, &letter) in format.letters.iter().enumerate() {
+        if bytes.len() >= wanted {
+            break;
+        }
         let text = rest?;
         // Texts may have commas in them: the last field is all that is left. Arrays are in brackets.
         let is_last = place + 1 == format.letters.len();
         let end = match (is_last, letter) {
             (true, _) => None,
             (_, b'a') => text.find(']').and_then(|close| Some(close + text.get(close..)?.find(',')?)),
-            _ => text.find(','),
+            _ => memchr::memchr(b',', text.as_bytes()),
         };
-        let (value, after) = match end {
-            Some(end) => (text.get(..end)?, text.get(end + 1..)),
-            None => (text, None),
-        };
+        let (value, after) = cut(text, end);
         rest = after;
-        let value = value.trim();
+        let value = value.trim_ascii();
         match letter {
-            b'd' => bytes.extend(value.parse::<f64>().ok()?.to_le_bytes()),
-            b'q' => bytes.extend(whole(value)?.to_le_bytes()),
-            b'Q' => bytes.extend(value.parse::<u64>().ok()?.to_le_bytes()),
+            b'd' => bytes.extend_from_slice(&value.parse::<f64>().ok()?.to_le_bytes()),
+            b'q' => bytes.extend_from_slice(&whole(value)?.to_le_bytes()),
+            b'Q' => bytes.extend_from_slice(&value.parse::<u64>().ok()?.to_le_bytes()),
             b'n' => padded(&mut bytes, value, 4),
             b'N' => padded(&mut bytes, value, 16),
             b'Z' => padded(&mut bytes, value, 64),

@@ -243,7 +243,7 @@ impl Scan {
             let (before, mut spans) = (last, Vec::<Option<Span>>::new());
             let mut at = bytes.start;
             while at < bytes.end
-                && let Ok(record) = self.form.record(map, at, &self.definitions.formats)
+                && let Ok(record) = self.form.head(map, at, &self.definitions.formats)
             {
                 at = record.end;
                 let Some(format) = self.definitions.formats.get(record.kind).filter(|format| format.is_topic()) else {

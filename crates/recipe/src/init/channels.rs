@@ -210,6 +210,7 @@ const DRAFTS: [(Role, &[&str]); 2] = [
         Role::State,
         &[
             "/vehicle_angular_velocity.xyz[",
+            "/IMU.GyrX|/IMU.GyrY|/IMU.GyrZ",
             "/vehicle_attitude.rollspeed|/vehicle_attitude.pitchspeed|/vehicle_attitude.yawspeed",
             ".twist.linear.|.twist.angular.",
             "/joint_states.position[|/joint_states.velocity[",
@@ -222,6 +223,7 @@ const DRAFTS: [(Role, &[&str]); 2] = [
             "/vehicle_torque_setpoint.xyz[",
             "/actuator_motors.control[",
             "/actuator_outputs.output[",
+            "/RCOU.C1|/RCOU.C2|/RCOU.C3|/RCOU.C4",
             "/cmd_vel.linear.|/cmd_vel.angular.|/cmd_vel.twist.",
         ],
     ),
@@ -238,42 +240,54 @@ struct Drafted<'a> {
 /// down) to the world (north, east, down).
 const ATTITUDE: &str = "vehicle_attitude";
 
-/// Roll, pitch and yaw of a quaternion.
+/// The topic of ArduPilot with an attitude in degrees.
+const ANGLES: &str = "/ATT";
+
+/// Roll, pitch and yaw of a vehicle.
 struct Attitude {
     topic: String,
-    /// The quaternion as expressions write it, x first.
-    quaternion: String,
+    /// How the log has them.
+    comment: &'static str,
+    /// Their expressions, radians.
+    angles: [String; 3],
     names: [String; 3],
 }
 
 impl Attitude {
-    /// That of a log from which three rates of turn are drafted.
+    /// That of a log from which three rates of turn are drafted: a quaternion of PX4, or angles of ArduPilot.
     fn new(columns: &[Column], drafted: &BTreeMap<String, Role>, names: &mut Names) -> Option<Self> {
         let is_rate = |name: &str| {
-            name.contains("/vehicle_angular_velocity.xyz[") || name.ends_with("speed") && name.contains(ATTITUDE)
+            let is_of = |part: &str| name.contains(part);
+            is_of("/vehicle_angular_velocity.xyz[") || is_of("/IMU.Gyr") || name.ends_with("speed") && is_of(ATTITUDE)
         };
         let states = || drafted.iter().filter(|(_, role)| **role == Role::State);
         if states().count() != 3 || !states().all(|(name, _)| is_rate(name)) {
             return None;
         }
+        let (topic, comment, angles) = Self::quaternion(columns).or_else(|| Self::degrees(columns))?;
+        Some(Self { topic, comment, angles, names: ["roll", "pitch", "yaw"].map(|name| names.take(name)) })
+    }
+
+    fn quaternion(columns: &[Column]) -> Option<(String, &'static str, [String; 3])> {
         let end = format!("/{ATTITUDE}.q[0]");
         let topic = columns.iter().find(|column| column.name.ends_with(&end))?.name.strip_suffix(".q[0]")?;
-        let part = |at: usize| {
-            let name = format!("{topic}.q[{at}]");
-            columns.iter().any(|column| column.name == name).then(|| Expr::column(name).to_string())
-        };
+        let part = |at: usize| field(columns, &format!("{topic}.q[{at}]"));
         let [x, y, z, w] = [part(1)?, part(2)?, part(3)?, part(0)?];
-        Some(Self {
-            topic: topic.to_owned(),
-            quaternion: format!("quat({x}, {y}, {z}, {w})"),
-            names: ["roll", "pitch", "yaw"].map(|name| names.take(name)),
-        })
+        let quaternion = format!("quat({x}, {y}, {z}, {w})");
+        let angles = ["roll", "pitch", "yaw"].map(|angle| format!("{angle}({quaternion})"));
+        Some((topic.to_owned(), "its quaternion is w first, and quat(x, y, z, w) takes w last", angles))
+    }
+
+    fn degrees(columns: &[Column]) -> Option<(String, &'static str, [String; 3])> {
+        let [roll, pitch, yaw] = ["Roll", "Pitch", "Yaw"].map(|angle| field(columns, &format!("{ANGLES}.{angle}")));
+        let angles = [roll?, pitch?, yaw?].map(|angle| format!("{angle}*(pi/180)"));
+        Some((ANGLES.to_owned(), "its angles are degrees, and states of the kind `angle` are radians", angles))
     }
 
     fn aliases(&self, out: &mut String) {
-        let _ = writeln!(out, "# its quaternion is w first, and quat(x, y, z, w) takes w last");
-        for (name, angle) in self.names.iter().zip(["roll", "pitch", "yaw"]) {
-            let _ = writeln!(out, "{} = {}", key(name), text(&format!("{angle}({})", self.quaternion)));
+        let _ = writeln!(out, "# {}", self.comment);
+        for (name, angle) in self.names.iter().zip(&self.angles) {
+            let _ = writeln!(out, "{} = {}", key(name), text(angle));
         }
     }
 
@@ -292,8 +306,19 @@ impl Attitude {
     }
 }
 
+/// A field of the log as expressions write it.
+fn field(columns: &[Column], name: &str) -> Option<String> {
+    columns.iter().any(|column| column.name == name).then(|| Expr::column(name).to_string())
+}
+
 /// Usual names of fields in a draft: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
 fn usual_name(role: Role, field: &str) -> Option<String> {
+    if let Some(axis) = field.strip_prefix("/IMU.Gyr") {
+        return ["X", "Y", "Z"].iter().position(|own| *own == axis).map(|at| ["p", "q", "r"][at].to_owned());
+    }
+    if let Some(channel) = field.strip_prefix("/RCOU.C") {
+        return Some(format!("u{}", channel.parse::<usize>().ok()?.checked_sub(1)?));
+    }
     let (array, element) = field.strip_suffix(']')?.rsplit_once('[')?;
     let element: usize = element.parse().ok()?;
     match role {
@@ -314,6 +339,10 @@ fn draft(columns: &[Column], without_odometry: bool) -> BTreeMap<String, Role> {
         let of_group = |group: &&&str| {
             let is_of = |name: &str, pattern: &str| {
                 let Some((_, rest)) = name.split_once(pattern) else { return false };
+                // A whole name is that of no longer one: C1 is not C10.
+                if pattern.ends_with(|last: char| last.is_ascii_alphanumeric()) && !rest.is_empty() {
+                    return false;
+                }
                 let index = rest.trim_end_matches(']').parse::<usize>().ok().filter(|_| pattern.ends_with('['));
                 index.is_none_or(|index| index < FIRST_ELEMENTS)
             };
@@ -449,6 +478,38 @@ mod tests {
         let names: Vec<&String> = recipe.states.keys().chain(recipe.inputs.keys()).collect();
         assert!(names.iter().all(|name| recipe.columns.contains_key(*name)), "{out}");
         assert!(out.lines().count() < 80 && out.contains("`fleetfoot init --topic /esc_status` lists them"), "{out}");
+    }
+
+    #[test]
+    fn a_flight_of_ardupilot_has_a_draft_of_attitude_rates_and_outputs() {
+        let ends = |topic: &str, all: &[&str]| {
+            all.iter().map(|end| Column::float(format!("{topic}.{end}"))).collect::<Vec<_>>()
+        };
+        let outputs: Vec<String> = (1..15).map(|channel| format!("C{channel}")).collect();
+        let columns: Vec<Column> = [
+            ends("/ATT", &["TimeUS", "DesRoll", "Roll", "DesPitch", "Pitch", "DesYaw", "Yaw"]),
+            ends("/IMU", &["TimeUS", "GyrX", "GyrY", "GyrZ", "AccX"]),
+            ends("/IMU.1", &["TimeUS", "GyrX", "GyrY", "GyrZ", "AccX"]),
+            ends("/RCOU", &outputs.iter().map(String::as_str).collect::<Vec<_>>()),
+        ]
+        .concat();
+        let topic = |name: &str| {
+            let mut topic = TopicInfo::default();
+            (topic.name, topic.type_name, topic.messages) = (name.into(), name[1..].into(), Some(9));
+            topic
+        };
+        let out = recipe("flight.bin", &columns, &["/ATT", "/IMU", "/IMU.1", "/RCOU"].map(topic));
+        let found = Recipe::parse(&out, "starter").unwrap();
+        assert_eq!(found.states.keys().collect::<Vec<_>>(), ["roll", "pitch", "yaw", "p", "q", "r"], "{out}");
+        assert_eq!(found.inputs.keys().collect::<Vec<_>>(), ["u0", "u1", "u2", "u3"], "{out}");
+        assert_eq!((&*found.columns["p"], &*found.columns["u3"]), ("/IMU.GyrX", "/RCOU.C4"), "{out}");
+        let scope = fleetfoot_library::Scope::new(columns.iter().map(|column| column.name.as_str()));
+        let roll = Expr::parse(&found.columns["roll"], &scope).unwrap();
+        let mut source = fleetfoot_data::MemorySource::new(vec![Column::float("/ATT.Roll")]);
+        source.push_uniform("e", 0.1, vec![vec![90.0]]);
+        let view = fleetfoot_library::View::new(&source, &[(Column::float("roll"), roll)]).unwrap();
+        let block = fleetfoot_data::Source::read(&view, 0, 0..1, fleetfoot_data::Halo::default()).unwrap();
+        assert!((block.core(0)[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
     }
 
     /// Of a quaternion that is known by hand: `q = q_yaw q_pitch q_roll` of half angles, w first as PX4 logs it.
