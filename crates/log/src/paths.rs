@@ -60,6 +60,10 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) ->
         found.insert(folder.into());
         return Ok(());
     }
+    // Its rows; the tables beside them are about episodes and tasks.
+    if is_lerobot(folder) {
+        return collect_folder(&folder.join("data"), depth + 1, found);
+    }
     let error = |source: io::Error| Error::Io { path: folder.into(), action: "list", source };
     for entry in fs::read_dir(folder).map_err(error)? {
         let path = entry.map_err(error)?.path();
@@ -75,6 +79,14 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) ->
     }
     drop_converted(found);
     Ok(())
+}
+
+/// Whether a folder is a data set of LeRobot: `meta/info.json` has the version of its format.
+fn is_lerobot(folder: &Path) -> bool {
+    let info = fs::File::open(folder.join("meta/info.json"));
+    let mut start = Vec::new();
+    let read = info.is_ok_and(|file| io::Read::read_to_end(&mut io::Read::take(file, 1 << 20), &mut start).is_ok());
+    read && memchr::memmem::find(&start, b"\"codebase_version\"").is_some() && folder.join("data").is_dir()
 }
 
 /// Leaves out recordings beside which a copy lies that was converted to MCAP: the same rows would come twice. Leaves out arrays beside logs, too:

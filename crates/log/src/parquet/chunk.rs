@@ -104,14 +104,41 @@ fn read_some_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize
 /// Decodes one column chunk from its first row on.
 pub(super) struct ChunkDecoder {
     values: Values,
-    levels: Vec<i16>,
-    full_level: i16,
+    levels: Levels,
     /// Values of 32 bits as packed differences: see [`ChunkDecoder::skip`].
     packed: bool,
 }
 
 /// Values that are read at once where they cannot be skipped.
 const SKIPPED: usize = 1 << 16;
+
+/// Definition and repetition levels of the rows that were read last.
+struct Levels {
+    /// The definition level of a value that is there.
+    full: i16,
+    /// True of columns of lists.
+    lists: bool,
+    defined: Vec<i16>,
+    repeated: Vec<i16>,
+}
+
+impl Levels {
+    /// Reads rows into a buffer; answers rows and values.
+    fn read<T: DataType>(
+        &mut self,
+        reader: &mut ColumnReaderImpl<T>,
+        rows: usize,
+        buffer: &mut Vec<T::T>,
+    ) -> Result<(usize, usize)> {
+        self.defined.clear();
+        self.repeated.clear();
+        let defined = (self.full > 0).then_some(&mut self.defined);
+        let repeated = self.lists.then_some(&mut self.repeated);
+        let (read, present, _) = reader.read_records(rows, defined, repeated, buffer)?;
+        enough(read, rows)?;
+        Ok((read, present))
+    }
+}
 
 enum Values {
     Bool(ColumnReaderImpl<BoolType>, Vec<bool>),
@@ -133,7 +160,8 @@ impl ChunkDecoder {
         rows: usize,
         pages: Option<Vec<PageLocation>>,
     ) -> Result<Self> {
-        let full_level = descriptor.max_def_level();
+        let (full, lists) = (descriptor.max_def_level(), descriptor.max_rep_level() > 0);
+        let levels = Levels { full, lists, defined: Vec::new(), repeated: Vec::new() };
         let packed = chunk.encodings().any(|encoding| encoding == Encoding::DELTA_BINARY_PACKED);
         let pages = SerializedPageReader::new(file, chunk, rows, pages)?;
         let values = match get_column_reader(descriptor, Box::new(pages)) {
@@ -146,24 +174,20 @@ impl ChunkDecoder {
             ColumnReader::ByteArrayColumnReader(reader) => Values::Bytes(reader, Vec::new()),
             ColumnReader::FixedLenByteArrayColumnReader(reader) => Values::Fixed(reader, Vec::new()),
         };
-        Ok(Self { values, levels: Vec::new(), full_level, packed })
+        Ok(Self { values, levels, packed })
     }
 
     /// Skips rows.
     ///
     /// Packed differences of 32 bits are read: to skip them fails in the `parquet` crate (59.3) where equal steps pass the range of 32 bits.
     pub(super) fn skip(&mut self, rows: usize) -> Result<()> {
-        let Self { values, levels, full_level, packed } = self;
+        let Self { values, levels, packed } = self;
         let skipped = match values {
             Values::Int32(reader, buffer) if *packed => {
                 let mut left = rows;
                 while left > 0 {
                     buffer.clear();
-                    levels.clear();
-                    let levels = (*full_level > 0).then_some(&mut *levels);
-                    let (read, _, _) = reader.read_records(left.min(SKIPPED), levels, None, buffer)?;
-                    enough(read, left.min(SKIPPED))?;
-                    left -= read;
+                    left -= levels.read(reader, left.min(SKIPPED), buffer)?.0;
                 }
                 Ok(rows)
             }
@@ -181,43 +205,43 @@ impl ChunkDecoder {
 
     /// Appends the next rows, converted.
     pub(super) fn read<W: Word>(&mut self, rows: usize, rule: &Rule, out: &mut Vec<W>) -> Result<()> {
-        let Self { values, levels, full_level, .. } = self;
-        let full = *full_level;
+        let Self { values, levels, .. } = self;
+        let element = rule.element;
         match values {
             Values::Bool(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(i64::from(value), rule))
+                pull(reader, rows, element, levels, buffer, out, |&value| W::from_int(i64::from(value), rule))
             }
             Values::Int32(reader, buffer) => {
                 let unsigned = matches!(rule.meaning, Meaning::Integer { unsigned: true });
                 let widen = |value: i32| {
                     if unsigned { i64::from(value as u32) } else { i64::from(value) }
                 };
-                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(widen(value), rule))
+                pull(reader, rows, element, levels, buffer, out, |&value| W::from_int(widen(value), rule))
             }
             Values::Int64(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |&value| W::from_int(value, rule))
+                pull(reader, rows, element, levels, buffer, out, |&value| W::from_int(value, rule))
             }
             Values::Int96(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |value| W::from_int(int96_nanoseconds(value), rule))
+                pull(reader, rows, element, levels, buffer, out, |value| W::from_int(int96_nanoseconds(value), rule))
             }
             Values::Float(reader, buffer) => {
-                pull(reader, rows, full, levels, buffer, out, |&value| W::from_float(f64::from(value), rule))
+                pull(reader, rows, element, levels, buffer, out, |&value| W::from_float(f64::from(value), rule))
             }
             Values::Double(reader, buffer) => match W::as_doubles(out) {
-                Some(doubles) => pull_doubles(reader, rows, full, levels, doubles),
-                None => pull(reader, rows, full, levels, buffer, out, |&value| W::from_float(value, rule)),
+                Some(doubles) if element.is_none() => pull_doubles(reader, rows, levels, doubles),
+                _ => pull(reader, rows, element, levels, buffer, out, |&value| W::from_float(value, rule)),
             },
             Values::Bytes(reader, buffer) => match rule.meaning {
-                Meaning::Decimal { scale } => pull(reader, rows, full, levels, buffer, out, |value| {
+                Meaning::Decimal { scale } => pull(reader, rows, element, levels, buffer, out, |value| {
                     W::from_float(decimal_bytes(value.data(), scale), rule)
                 }),
-                _ => pull(reader, rows, full, levels, buffer, out, |value| W::from_text(value.data(), rule)),
+                _ => pull(reader, rows, element, levels, buffer, out, |value| W::from_text(value.data(), rule)),
             },
             Values::Fixed(reader, buffer) => match rule.meaning {
-                Meaning::Decimal { scale } => pull(reader, rows, full, levels, buffer, out, |value| {
+                Meaning::Decimal { scale } => pull(reader, rows, element, levels, buffer, out, |value| {
                     W::from_float(decimal_bytes(value.data(), scale), rule)
                 }),
-                _ => pull(reader, rows, full, levels, buffer, out, |value| W::from_float(half(value.data()), rule)),
+                _ => pull(reader, rows, element, levels, buffer, out, |value| W::from_float(half(value.data()), rule)),
             },
         }
     }
@@ -228,11 +252,9 @@ impl ChunkDecoder {
             return Err(ParquetError::General("not a column of texts".into()));
         };
         buffer.clear();
-        self.levels.clear();
-        let levels = (self.full_level > 0).then_some(&mut self.levels);
-        let (read, _, _) = reader.read_records(rows, levels, None, buffer)?;
+        self.levels.read(reader, rows, buffer)?;
         buffer.iter().for_each(|text| each(text.data()));
-        enough(read, rows)
+        Ok(())
     }
 }
 
@@ -244,30 +266,46 @@ fn enough(found: usize, wanted: usize) -> Result<()> {
     }
 }
 
-/// Reads rows and appends them converted; nulls become [`Word::NONE`].
+/// Reads rows and appends them converted, of lists one element each; nulls become [`Word::NONE`].
 fn pull<T: DataType, W: Word>(
     reader: &mut ColumnReaderImpl<T>,
     rows: usize,
-    full_level: i16,
-    levels: &mut Vec<i16>,
+    element: Option<usize>,
+    levels: &mut Levels,
     buffer: &mut Vec<T::T>,
     out: &mut Vec<W>,
     convert: impl Fn(&T::T) -> W,
 ) -> Result<()> {
     buffer.clear();
-    levels.clear();
-    let (read, present, _) = reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, buffer)?;
-    enough(read, rows)?;
+    let (read, present) = levels.read(reader, rows, buffer)?;
+    let full_level = levels.full;
+    let mut values = buffer.iter();
+    if let Some(element) = element {
+        let (before, mut place) = (out.len(), 0);
+        for (&level, &repeated) in levels.defined.iter().zip(&levels.repeated) {
+            place += 1;
+            if repeated == 0 {
+                place = 0;
+                out.push(W::NONE);
+            }
+            let value = if level == full_level { values.next() } else { None };
+            if let Some((value, last)) = value.zip(out.last_mut()).filter(|_| place == element) {
+                *last = convert(value);
+            }
+        }
+        return enough(out.len() - before, rows);
+    }
     if present == read {
         out.extend(buffer.iter().map(convert));
         return Ok(());
     }
-    let mut values = buffer.iter();
-    out.extend(levels.iter().map(
-        |&level| {
-            if level == full_level { values.next().map_or(W::NONE, &convert) } else { W::NONE }
-        },
-    ));
+    out.extend(
+        levels.defined.iter().map(
+            |&level| {
+                if level == full_level { values.next().map_or(W::NONE, &convert) } else { W::NONE }
+            },
+        ),
+    );
     Ok(())
 }
 
@@ -275,22 +313,19 @@ fn pull<T: DataType, W: Word>(
 fn pull_doubles(
     reader: &mut ColumnReaderImpl<DoubleType>,
     rows: usize,
-    full_level: i16,
-    levels: &mut Vec<i16>,
+    levels: &mut Levels,
     out: &mut Vec<f64>,
 ) -> Result<()> {
     let start = out.len();
-    levels.clear();
-    let (read, present, _) = reader.read_records(rows, (full_level > 0).then_some(&mut *levels), None, out)?;
-    enough(read, rows)?;
+    let (read, present) = levels.read(reader, rows, out)?;
     if present == read {
         return Ok(());
     }
     // The values stand together at the front: spread them from the back, so that none is overwritten before it has moved.
     let mut from = out.len();
     out.resize(start + rows, f64::NAN);
-    for (place, &level) in levels.iter().enumerate().rev() {
-        out[start + place] = if level == full_level {
+    for (place, &level) in levels.defined.iter().enumerate().rev() {
+        out[start + place] = if level == levels.full {
             from -= 1;
             out[from]
         } else {

@@ -40,7 +40,7 @@ fn bare_candidate(leaf: &Leaf) -> Candidate {
 
 /// The first rows of a leaf; empty when they cannot be read, which the pass over the stamps will tell if it matters.
 fn sample(file: &ParquetFile, leaf: &Leaf) -> Vec<f64> {
-    let rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
+    let rule = Rule::new(leaf, TimeUnit::Seconds);
     if leaf.meaning == Meaning::Text {
         let mut stamps: Vec<i64> = Vec::new();
         first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut stamps));

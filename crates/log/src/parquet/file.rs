@@ -107,7 +107,8 @@ pub(super) fn check_chunks(file: &ParquetFile, leaf: &Leaf) -> Result<(), Error>
         let Some(chunk) = group.columns().get(leaf.index) else {
             return Err(damaged(&file.path, place(), "it is missing"));
         };
-        if chunk.num_values() != group.num_rows() {
+        let width = leaf.element.and_then(|element| i64::try_from(element.width).ok()).unwrap_or(1);
+        if Some(chunk.num_values()) != group.num_rows().checked_mul(width) {
             let problem = format!("{} values in a group of {} rows", chunk.num_values(), group.num_rows());
             return Err(damaged(&file.path, place(), problem));
         }

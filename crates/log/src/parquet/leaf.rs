@@ -7,6 +7,7 @@ use fleetfoot_output::arrow_schema::ArrowField;
 use parquet::{
     basic::{ConvertedType, LogicalType, TimeUnit as ParquetTimeUnit, Type as Physical},
     data_type::Int96,
+    file::metadata::ParquetMetaData,
     schema::types::{ColumnDescriptor, SchemaDescriptor},
 };
 
@@ -40,7 +41,22 @@ pub(super) struct Leaf {
     pub name: String,
     pub unit: Option<String>,
     pub meaning: Meaning,
+    /// Of a column of lists: the element that this is, and elements of a row.
+    pub element: Option<Element>,
 }
+
+/// An element of lists that all have as many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Element {
+    pub at: usize,
+    pub width: usize,
+}
+
+/// Elements of lists that become columns at most.
+const MAX_ELEMENTS: usize = 256;
+
+/// Ends of the paths of lists, as writers name the groups in them.
+const LIST_ENDS: [&str; 5] = [".list.element", ".list.item", ".array", ".bag.array_element", ".list.array"];
 
 impl Leaf {
     /// The kind of column it becomes; categories still without names.
@@ -68,15 +84,45 @@ pub(super) fn leaves(schema: &SchemaDescriptor, fields: &BTreeMap<Vec<String>, A
                 ),
                 (meaning, _) => (meaning, field.unit),
             };
-            Leaf { index, name: descriptor.path().string(), unit, meaning }
+            Leaf { index, name: descriptor.path().string(), unit, meaning, element: None }
         })
         .collect()
 }
 
-fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
-    if descriptor.max_rep_level() > 0 {
-        return Meaning::Unsupported("list".into());
+/// The leaf of a list as a column for each element, where all row groups have a whole number of them for each row:
+/// `position[0]`, `position[1]`.
+pub(super) fn elements(leaf: Leaf, metadata: &ParquetMetaData) -> Vec<Leaf> {
+    let descriptor = metadata.file_metadata().schema_descr().column(leaf.index);
+    let inner = inner_meaning(&descriptor);
+    let is_number =
+        matches!(inner, Meaning::Boolean | Meaning::Integer { .. } | Meaning::Float | Meaning::Decimal { .. });
+    let counts = || {
+        let groups = metadata.row_groups().iter().filter(|group| group.num_rows() > 0);
+        groups.map(|group| (group.columns().get(leaf.index).map_or(0, |chunk| chunk.num_values()), group.num_rows()))
+    };
+    let width = counts().next().map_or(0, |(values, rows)| usize::try_from(values / rows).unwrap_or(0));
+    let is_even = || {
+        counts()
+            .all(|(values, rows)| i64::try_from(width).ok().and_then(|width| rows.checked_mul(width)) == Some(values))
+    };
+    if descriptor.max_rep_level() != 1 || !is_number || !(1..=MAX_ELEMENTS).contains(&width) || !is_even() {
+        return vec![leaf];
     }
+    let name = LIST_ENDS.iter().find_map(|end| leaf.name.strip_suffix(end)).unwrap_or(&leaf.name);
+    let element = |at: usize| Leaf {
+        name: format!("{name}[{at}]"),
+        meaning: inner.clone(),
+        element: Some(Element { at, width }),
+        ..leaf.clone()
+    };
+    (0..width).map(element).collect()
+}
+
+fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
+    if descriptor.max_rep_level() > 0 { Meaning::Unsupported("list".into()) } else { inner_meaning(descriptor) }
+}
+
+fn inner_meaning(descriptor: &ColumnDescriptor) -> Meaning {
     let logical = descriptor.logical_type_ref();
     let converted = descriptor.converted_type();
     let decimal = || Meaning::Decimal { scale: descriptor.type_scale().max(0) };
@@ -151,6 +197,16 @@ pub(super) struct Rule {
     pub unit: TimeUnit,
     /// The sorted texts of a category.
     pub names: Vec<String>,
+    /// The element of lists.
+    pub element: Option<usize>,
+}
+
+impl Rule {
+    /// The conversion of a leaf, with the unit of its numbers if they are stamps.
+    pub(super) fn new(leaf: &Leaf, unit: TimeUnit) -> Self {
+        let element = leaf.element.map(|element| element.at);
+        Self { meaning: leaf.meaning.clone(), unit, names: Vec::new(), element }
+    }
 }
 
 impl Word for f64 {
@@ -314,6 +370,7 @@ mod tests {
             meaning: Meaning::Time { nanoseconds, of_day: false },
             unit: TimeUnit::Seconds,
             names: Vec::new(),
+            element: None,
         };
         assert_eq!(f64::from_int(1_500, &rule(1_000_000)), 1.5);
         assert_eq!(f64::from_int(2, &rule(86_400_000_000_000)), 172_800.0);

@@ -22,7 +22,7 @@ use super::{
     cursors::Cursors,
     file::{ParquetFile, check_chunks, damaged},
     footer,
-    leaf::{Leaf, Meaning, Rule, leaves},
+    leaf::{Leaf, Meaning, Rule, elements, leaves},
     rows::ParquetTable,
 };
 use crate::{
@@ -94,7 +94,7 @@ pub(crate) fn open(
     for name in &selection.columns {
         let leaf = find(path, &all, &names, name)?;
         check_chunks(&file, leaf)?;
-        let mut rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
+        let mut rule = Rule::new(leaf, TimeUnit::Seconds);
         let mut kind = leaf.kind();
         let mut empty = false;
         if leaf.meaning == Meaning::Text {
@@ -112,7 +112,7 @@ pub(crate) fn open(
     for (column, unit) in clock.iter().flat_map(|clock| clock.parts()) {
         let leaf = &all[column];
         check_chunks(&file, leaf)?;
-        time.push((leaf.index, Rule { meaning: leaf.meaning.clone(), unit, names: Vec::new() }));
+        time.push((leaf.index, Rule::new(leaf, unit)));
     }
     // Beside a date, a time of the day passes no midnight.
     let cycle = match &time[..] {
@@ -183,6 +183,7 @@ fn load(path: &Path, buffers: &Arc<Buffers>) -> Result<(ParquetFile, Vec<Leaf>),
     let pairs = schema.key_value_metadata().into_iter().flatten();
     let text = pairs.filter(|pair| pair.key == arrow_schema::KEY).find_map(|pair| pair.value.as_deref());
     let leaves = leaves(schema.schema_descr(), &text.map(arrow_schema::fields).unwrap_or_default());
+    let leaves = leaves.into_iter().flat_map(|leaf| elements(leaf, &metadata)).collect();
     let file = ParquetFile {
         path: path.into(),
         metadata: metadata.clone(),

@@ -291,3 +291,40 @@ fn writing_is_atomic_and_spares_the_inputs() {
     write(&again, &[0, 1_000_000], 10);
     assert_eq!(std::fs::read(&again).unwrap(), before, "the same input gives the same bytes");
 }
+
+/// Three episodes of LeRobot in two files, of which the tables about episodes and tasks are no rows.
+#[test]
+fn lists_of_a_lerobot_data_set_are_columns() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/lerobot");
+    let files = fleetfoot_log::paths([&folder]).unwrap();
+    let names: Vec<_> = files.iter().map(|path| path.strip_prefix(&folder).unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["data/chunk-000/file-000.parquet", "data/chunk-000/file-001.parquet"]);
+    let columns = ["observation.state[0]", "observation.state[1]", "observation.state[2]", "action[1]", "index"];
+    let recording = fleetfoot_log::open(&files, &Selection::new(columns)).unwrap();
+    let lengths: Vec<usize> = recording.episodes().iter().map(|episode| episode.rows).collect();
+    assert_eq!(lengths, [150, 120, 90]);
+    let (step, mut index) = (0.02, 0.0);
+    for (number, rows) in lengths.into_iter().enumerate() {
+        // With rows before and in the middle, as decoders skip.
+        let block = recording.read(number, 0..rows, Halo::default()).unwrap();
+        let late = recording.read(number, 77..80, Halo::default()).unwrap();
+        let mut v = 1.0 - number as f64;
+        for k in 0..rows {
+            let (row, phase) = (k as f64, number as f64);
+            let u = (0.05 * row + phase).sin() + 0.3 * (0.37 * row).cos();
+            let truth = [v, -v, row % 3.0, 2.0 * u].map(|value| f64::from(value as f32));
+            for (place, value) in truth.into_iter().chain([index]).enumerate() {
+                assert!((block.column(place)[k] - value).abs() < 1e-6, "episode {number}, row {k}, {place}");
+                if (77..80).contains(&k) {
+                    assert_eq!(late.column(place)[k - 77], block.column(place)[k]);
+                }
+            }
+            assert!((block.stamps()[k] - k as i64 * 20_000_000).abs() < 1000);
+            (v, index) = (v + step * (3.0 * u - 2.0 * v), index + 1.0);
+        }
+    }
+    // Lists of several lengths are no columns.
+    let about = folder.join("meta/episodes/chunk-000/file-000.parquet");
+    let info = fleetfoot_log::inspect(&about).unwrap();
+    assert!(info.columns.iter().any(|column| column.unsupported.as_deref() == Some("list")));
+}
