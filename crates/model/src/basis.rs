@@ -51,32 +51,32 @@ impl Basis {
     /// The contradiction, in words.
     pub fn check(&self, functions: usize) -> Result<(), String> {
         match self {
-            Basis::Gaussian(own) => own.check(functions),
-            Basis::Network(own) => own.check(functions),
+            Basis::Gaussian(gaussian) => gaussian.check(functions),
+            Basis::Network(network) => network.check(functions),
         }
     }
 
     /// Its numbers for a file of arrays.
     pub fn arrays(&self) -> Vec<MapArray> {
         match self {
-            Basis::Gaussian(own) => own.arrays(),
-            Basis::Network(own) => own.arrays(),
+            Basis::Gaussian(gaussian) => gaussian.arrays(),
+            Basis::Network(network) => network.arrays(),
         }
     }
 
     /// Number of basis functions.
     pub fn count(&self) -> usize {
         match self {
-            Basis::Gaussian(own) => own.count(),
-            Basis::Network(own) => own.count(),
+            Basis::Gaussian(gaussian) => gaussian.count(),
+            Basis::Network(network) => network.count(),
         }
     }
 
     /// Indices of the functions of the library that it reads.
     pub fn inputs(&self) -> &[usize] {
         match self {
-            Basis::Gaussian(own) => &own.inputs,
-            Basis::Network(own) => &own.inputs,
+            Basis::Gaussian(gaussian) => &gaussian.inputs,
+            Basis::Network(network) => &network.inputs,
         }
     }
 
@@ -92,24 +92,24 @@ impl Basis {
     #[inline(always)]
     pub fn evaluate(&self, inputs: &[f64], values: &mut [f64]) {
         match self {
-            Basis::Gaussian(own) => own.evaluate(inputs, values),
-            Basis::Network(own) => own.evaluate(inputs, values),
+            Basis::Gaussian(gaussian) => gaussian.evaluate(inputs, values),
+            Basis::Network(network) => network.evaluate(inputs, values),
         }
     }
 
     /// Reverse product: adds `sum_k weights_k d basis_k / d input_i` to every slope; `values` are those at `inputs`.
     pub fn gradient(&self, inputs: &[f64], values: &[f64], weights: &[f64], slopes: &mut [f64]) {
         match self {
-            Basis::Gaussian(own) => own.gradient(inputs, values, weights, slopes),
-            Basis::Network(own) => own.gradient(inputs, values, weights, slopes),
+            Basis::Gaussian(gaussian) => gaussian.gradient(inputs, values, weights, slopes),
+            Basis::Network(network) => network.gradient(inputs, values, weights, slopes),
         }
     }
 
     /// Forward product: how the values change where the inputs change by `change`.
     pub fn tangent(&self, inputs: &[f64], values: &[f64], change: &[f64], out: &mut [f64]) {
         match self {
-            Basis::Gaussian(own) => own.tangent(inputs, values, change, out),
-            Basis::Network(own) => own.tangent(inputs, values, change, out),
+            Basis::Gaussian(gaussian) => gaussian.tangent(inputs, values, change, out),
+            Basis::Network(network) => network.tangent(inputs, values, change, out),
         }
     }
 
@@ -117,8 +117,8 @@ impl Basis {
     pub fn expression(&self, index: usize, library: &[Expr]) -> Option<Expr> {
         let inputs: Option<Vec<Expr>> = self.inputs().iter().map(|&input| library.get(input).cloned()).collect();
         match self {
-            Basis::Gaussian(own) => Some(own.expression(index, &inputs?)),
-            Basis::Network(own) => Some(own.expression(index, &inputs?)),
+            Basis::Gaussian(gaussian) => Some(gaussian.expression(index, &inputs?)),
+            Basis::Network(network) => Some(network.expression(index, &inputs?)),
         }
     }
 
@@ -128,30 +128,31 @@ impl Basis {
         let head: Vec<String> = self.inputs().iter().map(name).collect();
         let names = || (0..self.count()).map(|index| self.name(index));
         match self {
-            Basis::Gaussian(own) => {
-                let scale: Vec<String> = head.iter().zip(&own.scale).map(|(x, s)| format!("{s:.6} of {x}")).collect();
+            Basis::Gaussian(gaussian) => {
+                let scale: Vec<String> =
+                    head.iter().zip(&gaussian.scale).map(|(x, s)| format!("{s:.6} of {x}")).collect();
                 Definition {
                     text: format!(
                         "{} to {}: exp(-|(u - c)/s|^2/(2*w^2)) of u = ({}), width w = {:.6}, scales s = {}; centres c",
                         self.name(0),
                         self.name(self.count().saturating_sub(1)),
                         head.join(", "),
-                        own.width,
+                        gaussian.width,
                         scale.join(", ")
                     ),
-                    rows: names().zip(own.centres.iter().cloned()).collect(),
+                    rows: names().zip(gaussian.centres.iter().cloned()).collect(),
                     head,
                 }
             }
-            Basis::Network(own) => Definition {
+            Basis::Network(network) => Definition {
                 text: format!(
                     "network: the weighted sum of {} units, the last of the hidden layers {} ({}) of standardised inputs, {} numbers in them; centre and scale of the inputs",
-                    own.count(),
-                    own.sizes(),
-                    own.activation.name(),
-                    own.numbers()
+                    network.count(),
+                    network.sizes(),
+                    network.activation.name(),
+                    network.numbers()
                 ),
-                rows: vec![("centre".into(), own.centre.clone()), ("scale".into(), own.scale.clone())],
+                rows: vec![("centre".into(), network.centre.clone()), ("scale".into(), network.scale.clone())],
                 head,
             },
         }

@@ -60,10 +60,12 @@ impl MapKind for BasisMap {
     fn check(&self, functions: usize, regions: usize) -> Result<(), String> {
         self.affine.check(functions, regions)?;
         self.basis.check(functions)?;
-        let (count, found) = (self.basis.count(), self.weights.len());
-        match found == regions && self.weights.iter().all(|row| row.len() == count) {
+        let (count, described) = (self.basis.count(), self.weights.len());
+        match described == regions && self.weights.iter().all(|row| row.len() == count) {
             true => Ok(()),
-            false => Err(format!("weights for {found} of {regions} regions, of {count} functions of the basis each")),
+            false => {
+                Err(format!("weights for {described} of {regions} regions, of {count} functions of the basis each"))
+            }
         }
     }
 

@@ -24,7 +24,7 @@ impl Rule {
             Self::Linear { weights, offsets } => {
                 out.tag(2);
                 out.count(weights.len() as u64);
-                weights.iter().for_each(|own| out.numbers(own));
+                weights.iter().for_each(|weight| out.numbers(weight));
                 out.numbers(offsets);
             }
             Self::Joined { cells, regions } => {

@@ -191,8 +191,8 @@ impl<'a> Closing<'a> {
                 continue;
             };
             let Some(definition) = self.definition(column)? else { continue };
-            for (state, own) in definition.reads() {
-                let ahead = own.saturating_add(lag).saturating_neg();
+            for (state, shift) in definition.reads() {
+                let ahead = shift.saturating_add(lag).saturating_neg();
                 let Some(state) = state.filter(|_| ahead > 0) else { continue };
                 if self.index.get(&*state).is_some_and(|&c| self.moving[c]) {
                     let definition = definition.to_string();

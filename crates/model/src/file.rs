@@ -393,7 +393,10 @@ impl From<&Column> for ColumnText {
             unit: c.unit.clone(),
             role: word(&ROLES, c.role),
             angle: c.angle,
-            rotation: c.rotation.as_ref().map(|own| (own.group.clone(), own.kind.word().to_owned(), own.part)),
+            rotation: c
+                .rotation
+                .as_ref()
+                .map(|rotation| (rotation.group.clone(), rotation.kind.word().to_owned(), rotation.part)),
         }
     }
 }
@@ -416,7 +419,11 @@ impl From<(&Partition, &Summary)> for PartitionText {
             phases: p.phases.as_ref().map(PhasesText::from),
             pairs: p.pairs.iter().map(PairText::from).collect(),
             lattice: p.lattice.as_ref().map(LatticeText::from),
-            correlation: p.correlation.iter().flat_map(|own| own.lags.iter().map(|lag| reals(lag))).collect(),
+            correlation: p
+                .correlation
+                .iter()
+                .flat_map(|correlation| correlation.lags.iter().map(|lag| reals(lag)))
+                .collect(),
         }
     }
 }

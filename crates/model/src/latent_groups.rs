@@ -59,9 +59,9 @@ impl Model {
         let mut bases: Vec<Option<Basis>> = Vec::new();
         let mut members: BTreeMap<(usize, usize, usize), Vec<usize>> = BTreeMap::new();
         for (at, latent) in self.latents.iter().enumerate().filter(|&(at, _)| needed[at]) {
-            let own = latent.map.basis();
-            let basis = bases.iter().position(|known| *known == own).unwrap_or_else(|| {
-                bases.push(own);
+            let basis = latent.map.basis();
+            let basis = bases.iter().position(|known| *known == basis).unwrap_or_else(|| {
+                bases.push(basis);
                 bases.len() - 1
             });
             members.entry((latent.library, latent.partition, basis)).or_default().push(at);

@@ -170,7 +170,7 @@ impl Model {
 
     /// How the maps of a partition go on outside of the training ranges of a region, for people, where it is not by themselves.
     pub fn outside_in_words(&self, partition: usize) -> Option<&'static str> {
-        let latent = self.latents.iter().find(|own| own.partition == partition && !own.beyond.is_empty())?;
+        let latent = self.latents.iter().find(|latent| latent.partition == partition && !latent.beyond.is_empty())?;
         Some(match latent.beyond.iter().all(|slope| *slope == 0.0) {
             true => "its map keeps the value at their border",
             false => "its map goes on from their border with the slopes of the one-region model",

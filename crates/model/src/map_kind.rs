@@ -59,8 +59,8 @@ pub trait MapKind: Debug {
     /// Returns true if its value depends on a function of the library.
     fn reads(&self, function: usize) -> bool {
         let through = |basis: Basis| {
-            let mut own = self.functions()..self.features();
-            basis.inputs().contains(&function) && own.any(|feature| self.has(feature))
+            let mut added = self.functions()..self.features();
+            basis.inputs().contains(&function) && added.any(|feature| self.has(feature))
         };
         self.has(function) || self.basis().is_some_and(through)
     }
@@ -75,7 +75,7 @@ pub trait MapKind: Debug {
     fn feature(&self, feature: usize, library: &[Expr]) -> Option<Expr> {
         match feature.checked_sub(self.functions()) {
             None => library.get(feature).cloned(),
-            Some(own) => self.basis().map(|basis| Expr::column(basis.name(own))),
+            Some(function) => self.basis().map(|basis| Expr::column(basis.name(function))),
         }
     }
 
@@ -83,27 +83,27 @@ pub trait MapKind: Debug {
     fn expression(&self, feature: usize, library: &[Expr]) -> Option<Expr> {
         match feature.checked_sub(self.functions()) {
             None => library.get(feature).cloned(),
-            Some(own) => self.basis()?.expression(own, library),
+            Some(function) => self.basis()?.expression(function, library),
         }
     }
 
     /// The value in a region, from the values of the library's functions.
     fn value(&self, region: usize, functions: &[f64]) -> f64 {
-        let own = self.basis().map_or_else(Vec::new, |basis| at(&basis, functions).1);
-        let features = functions.iter().chain(&own).enumerate();
+        let values = self.basis().map_or_else(Vec::new, |basis| at(&basis, functions).1);
+        let features = functions.iter().chain(&values).enumerate();
         features.fold(self.constant(region), |sum, (j, feature)| sum + self.coefficient(region, j) * feature)
     }
 
     /// Forward product: how the value changes where the functions change by `change`.
     fn tangent(&self, region: usize, functions: &[f64], change: &[f64]) -> f64 {
-        let own = self.basis().map_or_else(Vec::new, |basis| {
+        let values = self.basis().map_or_else(Vec::new, |basis| {
             let (inputs, values) = at(&basis, functions);
             let change: Vec<f64> = basis.inputs().iter().map(|&input| change[input]).collect();
             let mut along = vec![0.0; values.len()];
             basis.tangent(&inputs, &values, &change, &mut along);
             along
         });
-        change.iter().chain(&own).enumerate().map(|(j, along)| self.coefficient(region, j) * along).sum()
+        change.iter().chain(&values).enumerate().map(|(j, along)| self.coefficient(region, j) * along).sum()
     }
 
     /// Reverse product: adds `weight` times the derivative of the value by every function.
@@ -115,9 +115,9 @@ pub trait MapKind: Debug {
         let (inputs, values) = at(&basis, functions);
         let weights: Vec<f64> =
             (self.functions()..self.features()).map(|j| weight * self.coefficient(region, j)).collect();
-        let mut own = vec![0.0; inputs.len()];
-        basis.gradient(&inputs, &values, &weights, &mut own);
-        basis.inputs().iter().zip(own).for_each(|(&input, slope)| slopes[input] += slope);
+        let mut gradient = vec![0.0; inputs.len()];
+        basis.gradient(&inputs, &values, &weights, &mut gradient);
+        basis.inputs().iter().zip(gradient).for_each(|(&input, slope)| slopes[input] += slope);
     }
 }
 

@@ -121,9 +121,9 @@ impl Network {
             if at + 1 == self.layers.len() {
                 self.layer(layer, &before, last);
             } else {
-                let mut own = vec![0.0; layer.biases.len()];
-                self.layer(layer, &before, &mut own);
-                before = own;
+                let mut units = vec![0.0; layer.biases.len()];
+                self.layer(layer, &before, &mut units);
+                before = units;
             }
         }
     }
@@ -133,8 +133,8 @@ impl Network {
     }
 
     #[inline(always)]
-    fn layer(&self, layer: &DenseLayer, before: &[f64], own: &mut [f64]) {
-        for ((value, weights), bias) in own.iter_mut().zip(&layer.weights).zip(&layer.biases) {
+    fn layer(&self, layer: &DenseLayer, before: &[f64], units: &mut [f64]) {
+        for ((value, weights), bias) in units.iter_mut().zip(&layer.weights).zip(&layer.biases) {
             let sum = weights.iter().zip(before).fold(*bias, |sum, (weight, unit)| sum + weight * unit);
             *value = self.activation.value(sum);
         }
@@ -145,9 +145,9 @@ impl Network {
         let mut values: Vec<Vec<f64>> = Vec::with_capacity(self.layers.len());
         let first = self.standardised(inputs);
         for layer in self.layers.iter().take(self.layers.len().saturating_sub(1)) {
-            let mut own = vec![0.0; layer.biases.len()];
-            self.layer(layer, values.last().unwrap_or(&first), &mut own);
-            values.push(own);
+            let mut units = vec![0.0; layer.biases.len()];
+            self.layer(layer, values.last().unwrap_or(&first), &mut units);
+            values.push(units);
         }
         values
     }
@@ -157,9 +157,9 @@ impl Network {
         let hidden = self.hidden(inputs);
         let mut by_unit = weights.to_vec();
         for (at, layer) in self.layers.iter().enumerate().rev() {
-            let own = hidden.get(at).map_or(values, Vec::as_slice);
+            let inputs_of = hidden.get(at).map_or(values, Vec::as_slice);
             let mut before = vec![0.0; layer.weights.first().map_or(0, Vec::len)];
-            for ((row, by_unit), value) in layer.weights.iter().zip(&by_unit).zip(own) {
+            for ((row, by_unit), value) in layer.weights.iter().zip(&by_unit).zip(inputs_of) {
                 let by_sum = by_unit * self.activation.slope(*value);
                 before.iter_mut().zip(row).for_each(|(sum, weight)| *sum += by_sum * weight);
             }
@@ -173,11 +173,11 @@ impl Network {
         let hidden = self.hidden(inputs);
         let mut along: Vec<f64> = change.iter().zip(&self.scale).map(|(change, scale)| change / scale).collect();
         for (at, layer) in self.layers.iter().enumerate() {
-            let own = hidden.get(at).map_or(values, Vec::as_slice);
+            let inputs_of = hidden.get(at).map_or(values, Vec::as_slice);
             let unit = |(row, value): (&Vec<f64>, &f64)| {
                 self.activation.slope(*value) * row.iter().zip(&along).map(|(weight, d)| weight * d).sum::<f64>()
             };
-            along = layer.weights.iter().zip(own).map(unit).collect();
+            along = layer.weights.iter().zip(inputs_of).map(unit).collect();
         }
         out.copy_from_slice(&along);
     }

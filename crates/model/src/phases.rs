@@ -121,7 +121,8 @@ impl Phases {
                 self.specification
             ));
         }
-        let known = |own: &Passage| (own.bin as usize) < bins && (own.from.max(own.to) as usize) < regions;
+        let known =
+            |passage: &Passage| (passage.bin as usize) < bins && (passage.from.max(passage.to) as usize) < regions;
         if !self.passages.iter().all(known) {
             return Err(format!(
                 "phase {}: a passage between regions or in a bin that there is not",
@@ -164,14 +165,14 @@ pub(crate) mod tests {
 
     #[test]
     fn shares_are_those_of_the_counts() {
-        let found = phases();
-        assert_eq!((found.share(0, 0), found.share(1, 1)), (0.75, 1.0));
-        assert_eq!(found.probabilities(0)[0][..2], [2.0 / 3.0, 1.0 / 3.0]);
-        assert!(found.probabilities(0)[1][0].is_nan());
-        assert_eq!((found.stride_probability(0, 1), found.stride_count(), found.rows_of_a_stride()), (0.75, 6, 5.5));
-        assert!(found.stride_probability(2, 2).is_nan());
-        assert_eq!((found.bins.name(0), found.bins.name(1)), ("0.00..0.50".into(), "0.50..1.00".into()));
-        assert!(found.check(3).is_ok() && found.check(2).is_err());
+        let phases = phases();
+        assert_eq!((phases.share(0, 0), phases.share(1, 1)), (0.75, 1.0));
+        assert_eq!(phases.probabilities(0)[0][..2], [2.0 / 3.0, 1.0 / 3.0]);
+        assert!(phases.probabilities(0)[1][0].is_nan());
+        assert_eq!((phases.stride_probability(0, 1), phases.stride_count(), phases.rows_of_a_stride()), (0.75, 6, 5.5));
+        assert!(phases.stride_probability(2, 2).is_nan());
+        assert_eq!((phases.bins.name(0), phases.bins.name(1)), ("0.00..0.50".into(), "0.50..1.00".into()));
+        assert!(phases.check(3).is_ok() && phases.check(2).is_err());
     }
 
     #[test]
@@ -185,8 +186,8 @@ pub(crate) mod tests {
             ("a passage", Phases { passages: vec![Passage { bin: 0, from: 0, to: 3, rows: 1 }], ..phases() }),
             ("a period of NaN", Phases { bins: PhaseBins::Cyclic { period: f64::NAN, count: 2 }, ..phases() }),
         ] {
-            let told = broken.check(3).unwrap_err();
-            assert!(told.contains(problem), "{told}");
+            let error = broken.check(3).unwrap_err();
+            assert!(error.contains(problem), "{error}");
         }
     }
 }

@@ -34,7 +34,9 @@ pub fn describe(model: &Model, regions: usize) -> String {
     for column in &model.columns {
         let unit = column.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
         let angle = match &column.rotation {
-            Some(own) => format!(", {} of {} {}", own.kind.letters()[own.part], own.kind.word(), own.group),
+            Some(rotation) => {
+                format!(", {} of {} {}", rotation.kind.letters()[rotation.part], rotation.kind.word(), rotation.group)
+            }
             None if column.angle => ", angle".to_owned(),
             None => String::new(),
         };
@@ -220,7 +222,7 @@ fn describe_joins(out: &mut String, partition: &Partition, lattice: &Lattice) {
     }
 }
 
-fn describe_level(out: &mut String, level: &Level, own: bool) {
+fn describe_level(out: &mut String, level: &Level, is_chosen: bool) {
     let known = |value: f64| if value.is_nan() { "-".to_owned() } else { short(value) };
     let _ = writeln!(
         out,
@@ -230,7 +232,7 @@ fn describe_level(out: &mut String, level: &Level, own: bool) {
         known(level.held_out),
         known(level.standard_error),
         short(level.bic),
-        if own { "  <- this model" } else { "" }
+        if is_chosen { "  <- this model" } else { "" }
     );
 }
 

@@ -38,7 +38,9 @@ impl RadialFunctions {
         };
         let mean = (0..centroids.len()).map(nearest).sum::<f64>() / centroids.len() as f64;
         let units = || partition.centre.iter().zip(&partition.scale);
-        let raw = |own: &Vec<f64>| own.iter().zip(units()).map(|(z, (centre, scale))| centre + scale * z).collect();
+        let raw = |standardised: &Vec<f64>| {
+            standardised.iter().zip(units()).map(|(z, (centre, scale))| centre + scale * z).collect()
+        };
         Some(Self {
             inputs: partition.columns.clone(),
             centres: centroids.iter().map(raw).collect(),
@@ -64,7 +66,7 @@ impl RadialFunctions {
         let expressions = self.expressions();
         for index in 0..model.libraries.len() {
             let library = &model.libraries[index];
-            let place = |function: &Expr| expressions.iter().position(|own| own == function);
+            let place = |function: &Expr| expressions.iter().position(|expression| expression == function);
             let (mut kept, mut radial) = (Vec::new(), Vec::new());
             for (at, function) in library.iter().enumerate() {
                 match place(function) {
@@ -77,7 +79,7 @@ impl RadialFunctions {
             }
             let mut functions: Vec<Expr> = kept.iter().map(|&at| library[at].clone()).collect();
             let mut input = |input: &Expr| {
-                functions.iter().position(|own| own == input).unwrap_or_else(|| {
+                functions.iter().position(|function| function == input).unwrap_or_else(|| {
                     functions.push(input.clone());
                     functions.len() - 1
                 })
@@ -92,9 +94,9 @@ impl RadialFunctions {
                 let Map::Affine(whole) = &latent.map else { continue };
                 let (mut affine, mut weights) = (whole.clone(), Vec::new());
                 for row in &mut affine.coefficients {
-                    let mut own = vec![0.0; self.centres.len()];
-                    radial.iter().for_each(|&(at, k)| own[k] = row[at]);
-                    weights.push(own);
+                    let mut values = vec![0.0; self.centres.len()];
+                    radial.iter().for_each(|&(at, k)| values[k] = row[at]);
+                    weights.push(values);
                     *row = kept.iter().map(|&at| row[at]).collect();
                     row.resize(functions.len(), 0.0);
                 }
@@ -122,7 +124,7 @@ fn restrict(region: &mut RegionSummary, kept: &[usize], count: usize) {
             covariance[packed(i, j)] = known(&region.covariance, packed(a, b));
         }
     }
-    let place = |function: &usize| kept.iter().position(|own| own == function);
+    let place = |function: &usize| kept.iter().position(|index| index == function);
     let groups = region.confounded.iter().map(|group| group.iter().filter_map(place).collect::<Vec<_>>());
     region.confounded = groups.filter(|group| group.len() > 1).collect();
     region.mean = kept.iter().map(|&at| known(&region.mean, at)).collect();

@@ -20,12 +20,12 @@ pub struct RegionPair {
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).filter(|&at| !p[at].is_nan()).collect();
     order.sort_by(|&a, &b| p[a].total_cmp(&p[b]));
-    let (mut found, mut least) = (p.to_vec(), 0.0f64);
+    let (mut adjusted, mut least) = (p.to_vec(), 0.0f64);
     for (rank, &at) in order.iter().enumerate() {
         least = least.max((p[at] * (order.len() - rank) as f64).min(1.0));
-        found[at] = least;
+        adjusted[at] = least;
     }
-    found
+    adjusted
 }
 
 #[cfg(test)]
@@ -36,21 +36,21 @@ mod tests {
     #[test]
     fn holms_own_steps() {
         // 0.01 of four, then 0.03 of two (0.04 of one would be less), 0.005 first: 4 x 0.005, 3 x 0.01, 2 x 0.03, and no less than that.
-        let found = holm(&[0.01, 0.04, 0.03, f64::NAN, 0.005]);
-        assert_eq!(found[..3], [0.03, 0.06, 0.06]);
-        assert!(found[3].is_nan());
-        assert_eq!(found[4], 0.02);
+        let adjusted = holm(&[0.01, 0.04, 0.03, f64::NAN, 0.005]);
+        assert_eq!(adjusted[..3], [0.03, 0.06, 0.06]);
+        assert!(adjusted[3].is_nan());
+        assert_eq!(adjusted[4], 0.02);
     }
 
     proptest! {
         #[test]
         fn between_the_plain_ones_and_bonferronis(p in prop::collection::vec(0.0..1.0f64, 1..30)) {
-            let (found, count) = (holm(&p), p.len() as f64);
-            for (adjusted, own) in found.iter().zip(&p) {
-                prop_assert!(*own <= *adjusted && *adjusted <= (own * count).min(1.0));
+            let (adjusted, count) = (holm(&p), p.len() as f64);
+            for (adjusted, plain) in adjusted.iter().zip(&p) {
+                prop_assert!(*plain <= *adjusted && *adjusted <= (plain * count).min(1.0));
             }
             for (a, b) in (0..p.len()).flat_map(|a| (0..p.len()).map(move |b| (a, b))) {
-                prop_assert!(p[a] > p[b] || found[a] <= found[b], "the order stays");
+                prop_assert!(p[a] > p[b] || adjusted[a] <= adjusted[b], "the order stays");
             }
         }
     }

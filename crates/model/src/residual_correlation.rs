@@ -20,18 +20,18 @@ impl ResidualCorrelation {
 
     /// Number of fitted equations.
     pub fn targets(&self) -> usize {
-        self.lags.first().map_or(0, |own| own.len().isqrt())
+        self.lags.first().map_or(0, |lag| lag.len().isqrt())
     }
 
     /// The root mean square correlation of residuals with those of some rows before (1 up to the number of lags), each in its own direction.
     pub fn size(&self, lag: usize) -> f64 {
-        let (own, q) = (&self.lags[lag - 1], self.targets());
-        (own.iter().map(|value| value * value).sum::<f64>() / q as f64).sqrt()
+        let (lag, q) = (&self.lags[lag - 1], self.targets());
+        (lag.iter().map(|value| value * value).sum::<f64>() / q as f64).sqrt()
     }
 
     /// Checks that it has the size of so many fitted equations.
     pub(crate) fn check(&self, fitted: usize) -> Result<(), String> {
-        let fits = |own: &Vec<f64>| own.len() == fitted * fitted && own.iter().all(|value| value.is_finite());
+        let fits = |matrix: &Vec<f64>| matrix.len() == fitted * fitted && matrix.iter().all(|value| value.is_finite());
         match !self.lags.is_empty() && self.lags.iter().all(fits) {
             true => Ok(()),
             false => Err(format!("correlations of residuals are not {fitted} x {fitted} numbers")),

@@ -88,7 +88,7 @@ impl RotationKind {
     /// shortened by the factor c.
     pub fn retraction_derivative(self, p: &[f64]) -> Vec<f64> {
         let norm = length(p);
-        let (own, outer) = match self {
+        let (inner, outer) = match self {
             Self::Quaternion => (1.0 / norm, -1.0 / norm),
             Self::Vector if norm > PI => {
                 let factor = 1.0 - ((norm + PI) / TAU).floor() * TAU / norm;
@@ -99,7 +99,7 @@ impl RotationKind {
         let n = p.len();
         let entry = |i: usize, j: usize| {
             let along = if outer == 0.0 { 0.0 } else { outer * (p[i] / norm) * (p[j] / norm) };
-            if i == j { own + along } else { along }
+            if i == j { inner + along } else { along }
         };
         (0..n * n).map(|at| entry(at / n, at % n)).collect()
     }
@@ -128,15 +128,15 @@ impl RotationKind {
     pub fn turn_on(self, parts: &mut [Vec<f64>]) {
         let mut last: Option<Vec<f64>> = None;
         for row in 0..parts.first().map_or(0, Vec::len) {
-            let mut own: Vec<f64> = parts.iter().map(|part| part[row]).collect();
-            if own.iter().any(|part| !part.is_finite()) {
+            let mut values: Vec<f64> = parts.iter().map(|part| part[row]).collect();
+            if values.iter().any(|part| !part.is_finite()) {
                 continue;
             }
             if let Some(last) = &last {
-                self.nearest(&mut own, last);
+                self.nearest(&mut values, last);
             }
-            parts.iter_mut().zip(&own).for_each(|(part, value)| part[row] = *value);
-            last = Some(own);
+            parts.iter_mut().zip(&values).for_each(|(part, value)| part[row] = *value);
+            last = Some(values);
         }
     }
 
@@ -299,8 +299,8 @@ mod tests {
                 // The error of a central difference of 1e-5 is some 1e-10, and more where vectors are near half a turn.
                 let (ahead, back) = (step(1e-5), step(-1e-5));
                 let slopes: Vec<f64> = (0..parts).map(|k| (ahead[k] - back[k]) / 2e-5).collect();
-                let own: Vec<f64> = (0..parts).map(|k| turned[3 * k + axis]).collect();
-                prop_assert!(near(&slopes, &own, 1e-6), "{kind:?} {slopes:?} {own:?}");
+                let projections: Vec<f64> = (0..parts).map(|k| turned[3 * k + axis]).collect();
+                prop_assert!(near(&slopes, &projections, 1e-6), "{kind:?} {slopes:?} {projections:?}");
             }
         }
     }
@@ -414,14 +414,14 @@ mod tests {
                 }
                 let n = x.len();
                 let jacobian = kind.retraction_derivative(&x);
-                let own = |j: usize, step: f64| {
+                let moved_value = |j: usize, step: f64| {
                     let mut moved = x.clone();
                     moved[j] += step;
                     moved
                 };
                 for j in 0..n {
                     let retracted = |step: f64| {
-                        let mut moved = own(j, step);
+                        let mut moved = moved_value(j, step);
                         kind.retract(&mut moved);
                         moved
                     };

@@ -15,19 +15,19 @@ pub struct Rotation {
 
 /// The rotations among some columns, in the order of their first columns; groups of which a part is missing are left out.
 pub fn rotations<'a>(columns: impl IntoIterator<Item = &'a Column>) -> Vec<Rotation> {
-    let mut found: Vec<Rotation> = Vec::new();
+    let mut rotations: Vec<Rotation> = Vec::new();
     for (index, column) in columns.into_iter().enumerate() {
         let Some(RotationPart { group, kind, part }) = &column.rotation else { continue };
-        let at = found.iter().position(|known| known.name == *group).unwrap_or_else(|| {
-            found.push(Rotation { name: group.clone(), kind: *kind, columns: vec![usize::MAX; kind.parts()] });
-            found.len() - 1
+        let at = rotations.iter().position(|known| known.name == *group).unwrap_or_else(|| {
+            rotations.push(Rotation { name: group.clone(), kind: *kind, columns: vec![usize::MAX; kind.parts()] });
+            rotations.len() - 1
         });
-        if let Some(place) = found[at].columns.get_mut(*part) {
+        if let Some(place) = rotations[at].columns.get_mut(*part) {
             *place = index;
         }
     }
-    found.retain(|rotation| !rotation.columns.contains(&usize::MAX));
-    found
+    rotations.retain(|rotation| !rotation.columns.contains(&usize::MAX));
+    rotations
 }
 
 impl Model {

@@ -44,7 +44,7 @@ impl Model {
             let name = |region: usize| latent.and_then(|latent| self.region_of_several(latent, region));
             set.extend((0..regions).map(|region| (name(region), self.set_equation(equation, region))));
         }
-        let shared = |latent: &&Latent| alone.iter().flatten().all(|own| own.name != latent.name);
+        let shared = |latent: &&Latent| alone.iter().flatten().all(|other| other.name != latent.name);
         for latent in self.latents.iter().filter(shared) {
             let name = |region: usize| self.region_of_several(latent, region);
             set.extend((0..latent.map.regions()).map(|region| (name(region), self.set_latent(latent, region))));
@@ -69,8 +69,8 @@ impl Model {
     pub fn terms_for_people(&self, latent: &Latent, region: usize) -> Vec<(Option<Expr>, f64)> {
         let mut terms = self.terms(latent, region);
         if let Some(basis) = latent.map.basis().filter(Basis::is_summed_up) {
-            let own = terms.split_off(1 + latent.map.functions());
-            if own.iter().any(|(_, value)| *value != 0.0) {
+            let terms_of_basis = terms.split_off(1 + latent.map.functions());
+            if terms_of_basis.iter().any(|(_, value)| *value != 0.0) {
                 terms.push((Some(Expr::column(format!("{}_{}", basis.kind(), latent.name))), 1.0));
             }
         }
@@ -81,8 +81,8 @@ impl Model {
     pub fn definitions(&self) -> Vec<Definition> {
         let mut known: Vec<(usize, Basis)> = Vec::new();
         for latent in &self.latents {
-            let own = latent.map.basis().map(|basis| (latent.library, basis));
-            known.extend(own.filter(|own| !known.contains(own)));
+            let functions = latent.map.basis().map(|basis| (latent.library, basis));
+            known.extend(functions.filter(|functions| !known.contains(functions)));
         }
         known.iter().map(|(library, basis)| basis.definition(&self.libraries[*library])).collect()
     }

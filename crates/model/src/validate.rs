@@ -52,8 +52,8 @@ impl Model {
                 self.equations.iter().find(|equation| equation.subject == *name).map(|equation| equation.prediction)
             };
             let how: Vec<Option<Prediction>> = rotation.columns.iter().map(advances).collect();
-            let alike =
-                how.iter().all(|own| own.is_none()) || how.iter().all(|own| *own == Some(Prediction::Derivative));
+            let alike = how.iter().all(|prediction| prediction.is_none())
+                || how.iter().all(|prediction| *prediction == Some(Prediction::Derivative));
             if !alike {
                 return Err(format!(
                     "the rotation `{}` has equations for some of its parts, or no derivatives",
@@ -81,9 +81,9 @@ impl Model {
 
     /// Slopes outside of training ranges need ranges, and hold for all latents of a partition or for none.
     fn check_beyond(&self, latent: &Latent, functions: usize) -> Result<(), String> {
-        let owner = self.latents.iter().find(|own| own.partition == latent.partition);
+        let owner = self.latents.iter().find(|other| other.partition == latent.partition);
         match latent.beyond.len() {
-            length if owner.is_some_and(|own| own.beyond.len() != length) => {
+            length if owner.is_some_and(|owner| owner.beyond.len() != length) => {
                 Err("the latents of one partition differ in what holds outside of training".to_owned())
             }
             0 => Ok(()),

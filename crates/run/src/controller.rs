@@ -166,20 +166,20 @@ pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
 }
 
 /// An error about a column that only the controller needs, worded as the controller's.
-pub(crate) fn explained(error: DatasetError, own: &Model) -> Error {
-    let told = |place: String| {
+pub(crate) fn explained(error: DatasetError, model: &Model) -> Error {
+    let missing = |place: String| {
         let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));
         match name {
-            Some(name) if own.column(name).is_none() => format!("a column of {CONTROLLER}"),
+            Some(name) if model.column(name).is_none() => format!("a column of {CONTROLLER}"),
             _ => place,
         }
     };
     match error {
         DatasetError::Recipe(RecipeError::Expression { place, text, source }) => {
-            RecipeError::Expression { place: told(place), text, source }.into()
+            RecipeError::Expression { place: missing(place), text, source }.into()
         }
         DatasetError::Recipe(RecipeError::UnknownColumn { place, name, candidates }) => {
-            RecipeError::UnknownColumn { place: told(place), name, candidates }.into()
+            RecipeError::UnknownColumn { place: missing(place), name, candidates }.into()
         }
         other => other.into(),
     }

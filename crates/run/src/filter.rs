@@ -131,10 +131,17 @@ pub struct TruthReport {
 }
 
 impl SquareReport {
-    fn of(found: &Consistency) -> Option<Self> {
-        let mean = found.mean()?;
+    fn of(consistency: &Consistency) -> Option<Self> {
+        let mean = consistency.mean()?;
         let [low, high] = mean.band;
-        Some(Self { rows: found.rows(), freedom: found.freedom(), mean: mean.mean, low, high, share: found.share() })
+        Some(Self {
+            rows: consistency.rows(),
+            freedom: consistency.freedom(),
+            mean: mean.mean,
+            low,
+            high,
+            share: consistency.share(),
+        })
     }
 
     /// Returns true if the mean lies in its band.
@@ -225,11 +232,11 @@ fn filter_pieces(
             let whole = rows == (0..view.episodes()[episode].rows);
             // The inputs of the row before lead to the first one.
             let block = view.read(episode, rows, Halo { before: 1, after: 0 })?;
-            let found = match whole {
+            let piece = match whole {
                 true => Piece::Filtered(Box::new(begun(episode).follow(&block))),
                 false => Piece::Read(block),
             };
-            Ok::<_, Error>((episode, found))
+            Ok::<_, Error>((episode, piece))
         },
         |(episode, piece)| {
             let rows = match piece {

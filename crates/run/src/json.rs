@@ -12,5 +12,5 @@ use fleetfoot_dynamics::Baseline;
 
 /// Values of all baselines, by name.
 fn by_baseline<T, V>(all: &[(Baseline, T)], of: impl Fn(&T) -> V) -> BTreeMap<&'static str, V> {
-    all.iter().map(|(baseline, own)| (baseline.name(), of(own))).collect()
+    all.iter().map(|(baseline, score)| (baseline.name(), of(score))).collect()
 }

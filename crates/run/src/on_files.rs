@@ -293,19 +293,19 @@ pub fn rollout(
 
 /// A model with the columns that a controller reads, and the rows that it is simulated on.
 pub fn opened_to_roll(
-    own: &Model,
+    candidate: &Model,
     changes: &Recipe,
     logs: &Logs,
     closed_by: Option<&Arc<dyn Controller>>,
     progress: &dyn Progress,
 ) -> Result<(Model, Dataset), Error> {
     let model = match closed_by {
-        Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
-        None => own.clone(),
+        Some(closed_by) => controller::with_columns(candidate, closed_by.as_ref())?,
+        None => candidate.clone(),
     };
     let needed = |name: &str| is_needed(&model, name, true);
     let dataset = Dataset::for_run(&model, changes, logs, &needed, progress)
-        .map_err(|error| controller::explained(error, own))?;
+        .map_err(|error| controller::explained(error, candidate))?;
     Ok((model, dataset))
 }
 

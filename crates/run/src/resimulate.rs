@@ -65,12 +65,12 @@ impl Spread {
 impl Followed {
     /// Root mean square of followed less recorded, over the episodes, of a column.
     pub fn followed(&self, column: usize) -> Spread {
-        Spread::of(self.found.episodes.iter().map(|own| self.found.deviations_of(own)[column]))
+        Spread::of(self.found.episodes.iter().map(|episode| self.found.deviations_of(episode)[column]))
     }
 
     /// The same of the open loop; `None` for an input.
     pub fn open_loop(&self, column: usize) -> Option<Spread> {
-        let of = |own: &Resimulated| self.found.open_loop_deviations(own)[column];
+        let of = |resimulated: &Resimulated| self.found.open_loop_deviations(resimulated)[column];
         (column < self.found.states).then(|| Spread::of(self.found.episodes.iter().map(of)))
     }
 
@@ -78,30 +78,30 @@ impl Followed {
     pub fn worst(&self) -> [f64; 3] {
         let worst = |of: fn(&Resimulated) -> f64| self.found.episodes.iter().map(of).fold(0.0, f64::max);
         [
-            worst(|own| own.certificate.dynamics),
-            worst(|own| own.certificate.bounds),
-            worst(|own| own.certificate.stationarity),
+            worst(|episode| episode.certificate.dynamics),
+            worst(|episode| episode.certificate.bounds),
+            worst(|episode| episode.certificate.stationarity),
         ]
     }
 
     /// Episodes that ended at a minimum.
     pub fn minima(&self) -> usize {
-        self.found.episodes.iter().filter(|own| own.ending == Ending::Minimum).count()
+        self.found.episodes.iter().filter(|episode| episode.ending == Ending::Minimum).count()
     }
 
     /// Warnings for the user, in sentences.
     pub fn warnings(&self) -> Vec<String> {
-        let mut told = Vec::new();
-        for (own, name) in self.found.episodes.iter().zip(&self.names) {
-            let certificate = &own.certificate;
-            if own.ending != Ending::Minimum {
-                told.push(format!(
+        let mut notes = Vec::new();
+        for (episode, name) in self.found.episodes.iter().zip(&self.names) {
+            let certificate = &episode.certificate;
+            if episode.ending != Ending::Minimum {
+                notes.push(format!(
                     "{name}: {} after {} convex programs, the dynamics violated by {:.1e} of a state's spread, stationarity {:.1e}: {}",
-                    if own.ending == Ending::Stalled { "no step was better" } else { "not at a minimum" },
-                    own.programs,
+                    if episode.ending == Ending::Stalled { "no step was better" } else { "not at a minimum" },
+                    episode.programs,
                     certificate.dynamics,
                     certificate.stationarity,
-                    if own.ending == Ending::Stalled {
+                    if episode.ending == Ending::Stalled {
                         "look whether the model's regions or functions break there, or widen the bounds".to_owned()
                     } else {
                         format!("allow more ({ITERATIONS})")
@@ -109,7 +109,7 @@ impl Followed {
                 ));
             }
         }
-        told
+        notes
     }
 }
 
@@ -132,14 +132,14 @@ pub fn resimulate(
     let options = options(&recipe.resimulate)?;
     let dataset = Dataset::for_run(model, changes, &logs, &|name| is_needed(model, name, true), progress)?;
     let view = dataset.view()?;
-    let found = fleetfoot_estimate::resimulate(model, &view, &options, progress).map_err(refused)?;
+    let resimulation = fleetfoot_estimate::resimulate(model, &view, &options, progress).map_err(refused)?;
     dataset.all_were_read();
     let name = |episode: usize| dataset.episodes()[episode].name.clone();
     let unit = |column: &String| model.column(column).and_then(|at| model.columns[at].unit.clone());
     let mut notes = dataset.notes().to_vec();
     let reasons = [
-        (&found.missing, "a column that is followed has no value, or there are fewer than two rows"),
-        (&found.undefined, "the model has no finite value along them"),
+        (&resimulation.missing, "a column that is followed has no value, or there are fewer than two rows"),
+        (&resimulation.undefined, "the model has no finite value along them"),
     ];
     for (left, reason) in reasons.iter().filter(|(left, _)| !left.is_empty()) {
         let names: Vec<String> = left.iter().take(3).map(|&episode| name(episode)).collect();
@@ -148,12 +148,12 @@ pub fn resimulate(
         notes.push(format!("{count} of {all} episodes left out ({}{more}): {reason}", names.join(", ")));
     }
     let followed = Followed {
-        units: found.columns.iter().map(unit).collect(),
-        names: found.episodes.iter().map(|own| name(own.episode)).collect(),
-        left_out: found.missing.iter().chain(&found.undefined).map(|&episode| name(episode)).collect(),
+        units: resimulation.columns.iter().map(unit).collect(),
+        names: resimulation.episodes.iter().map(|episode| name(episode.episode)).collect(),
+        left_out: resimulation.missing.iter().chain(&resimulation.undefined).map(|&episode| name(episode)).collect(),
         in_sample: dataset.in_sample(model),
         notes,
-        found,
+        found: resimulation,
     };
     if let (Some(path), Some(kind)) = (output, kind) {
         writer::write_followed(kind, path, model, &|episode| dataset.log_offset(episode), &followed, &logs)?;

@@ -88,12 +88,12 @@ impl Definitions {
     /// Returns true if an expression over marked columns and fields follows from states and inputs, or from time alone.
     fn speaks(&self, marked: &Expr) -> bool {
         let names = marked.sources();
-        let own = |column: usize| {
+        let is_defined = |column: usize| {
             self.columns[column].role != Role::Auxiliary
                 || self.simulated[column]
                 || self.meanings[column] != Meaning::Given
         };
-        names.is_empty() || names.iter().filter_map(|name| marked_column(name)).any(own)
+        names.is_empty() || names.iter().filter_map(|name| marked_column(name)).any(is_defined)
     }
 
     /// The same with names: computed columns by their definitions, fields by the columns that hold them.

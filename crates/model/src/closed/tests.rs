@@ -54,8 +54,8 @@ fn library(closed: &Closed) -> Vec<String> {
     closed.model.libraries[0].iter().map(ToString::to_string).collect()
 }
 
-fn added(closed: &Closed, own: usize) -> Vec<(String, String)> {
-    closed.model.columns[own..].iter().map(|c| (c.name.clone(), c.source.clone())).collect()
+fn added(closed: &Closed, columns: usize) -> Vec<(String, String)> {
+    closed.model.columns[columns..].iter().map(|c| (c.name.clone(), c.source.clone())).collect()
 }
 
 #[test]
@@ -100,8 +100,8 @@ fn fields_that_no_column_stands_for_are_added() {
     let closed = model.closed(0.1, &[]).unwrap();
     // The field `v` is another one than the column of this name.
     assert_eq!(library(&closed), ["x - wheel*v_", "gust"]);
-    let own = |name: &str, source: &str| (name.to_owned(), source.to_owned());
-    assert_eq!(added(&closed, 4), [own("wheel", "wheel"), own("v_", "v")]);
+    let definition = |name: &str, source: &str| (name.to_owned(), source.to_owned());
+    assert_eq!(added(&closed, 4), [definition("wheel", "wheel"), definition("v_", "v")]);
     let auxiliary: Vec<String> = model.auxiliary_columns().into_iter().map(|column| column.name).collect();
     assert_eq!(auxiliary, ["wheel", "v_"]);
     assert_eq!(closed.model.closed(0.1, &[]).unwrap().model, closed.model);

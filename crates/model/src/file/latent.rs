@@ -99,8 +99,8 @@ impl From<&Latent> for LatentText {
         let (map, radial, network) = match &l.map {
             Map::Affine(map) => (map, None, None),
             Map::Basis(map) => match &map.basis {
-                Basis::Gaussian(own) => (&map.affine, Some(RadialText::new(own, &map.weights)), None),
-                Basis::Network(own) => (&map.affine, None, Some(NetworkText::new(own, &map.weights))),
+                Basis::Gaussian(gaussian) => (&map.affine, Some(RadialText::new(gaussian, &map.weights)), None),
+                Basis::Network(network) => (&map.affine, None, Some(NetworkText::new(network, &map.weights))),
             },
         };
         Self {
@@ -125,7 +125,7 @@ impl LatentText {
             (None, None) => affine.into(),
             (Some(radial), None) => radial.into_map(affine).into(),
             (None, Some(network)) => {
-                network.into_map(affine, before).map_err(|own| format!("{}: {own}", self.name))?.into()
+                network.into_map(affine, before).map_err(|reason| format!("{}: {reason}", self.name))?.into()
             }
             (Some(_), Some(_)) => return Err(format!("{}: radial functions and a network in one latent", self.name)),
         };
@@ -167,7 +167,10 @@ impl RadialText {
 
 impl NetworkText {
     fn new(network: &Network, weights: &[Vec<f64>]) -> Self {
-        let layer = |own: &DenseLayer| LayerText { weights: rows(&own.weights), biases: reals(&own.biases) };
+        let layer = |dense_layer: &DenseLayer| LayerText {
+            weights: rows(&dense_layer.weights),
+            biases: reals(&dense_layer.biases),
+        };
         let hidden = HiddenText {
             inputs: network.inputs.clone(),
             centre: reals(&network.centre),
@@ -194,11 +197,11 @@ impl NetworkText {
 
 impl HiddenText {
     fn into_network(self) -> Result<Network, String> {
-        let activation = Activation::ALL.into_iter().find(|own| own.name() == self.activation);
+        let activation = Activation::ALL.into_iter().find(|activation| activation.name() == self.activation);
         let activation = activation.ok_or_else(|| format!("unknown activation `{}`", self.activation))?;
-        let layer = |own: LayerText| DenseLayer {
-            weights: own.weights.into_iter().map(floats).collect(),
-            biases: floats(own.biases),
+        let layer = |text: LayerText| DenseLayer {
+            weights: text.weights.into_iter().map(floats).collect(),
+            biases: floats(text.biases),
         };
         Ok(Network {
             inputs: self.inputs,

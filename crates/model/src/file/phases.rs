@@ -26,18 +26,18 @@ enum BinsText {
 }
 
 impl From<&Phases> for PhasesText {
-    fn from(own: &Phases) -> Self {
+    fn from(phases: &Phases) -> Self {
         Self {
-            specification: own.specification.clone(),
-            bins: match &own.bins {
+            specification: phases.specification.clone(),
+            bins: match &phases.bins {
                 PhaseBins::Cyclic { period, count } => BinsText::Cyclic { period: Real(*period), count: *count },
                 PhaseBins::Labels(names) => BinsText::Labels(names.clone()),
             },
-            rows: own.rows.clone(),
-            passages: own.passages.iter().map(|one| (one.bin, one.from, one.to, one.rows)).collect(),
-            strides: own.strides.clone(),
-            stride_rows: own.stride_rows,
-            falling: own.falling,
+            rows: phases.rows.clone(),
+            passages: phases.passages.iter().map(|one| (one.bin, one.from, one.to, one.rows)).collect(),
+            strides: phases.strides.clone(),
+            stride_rows: phases.stride_rows,
+            falling: phases.falling,
         }
     }
 }
@@ -64,8 +64,14 @@ impl PhasesText {
 pub(super) struct PairText(u32, u32, Real, usize, Real);
 
 impl From<&RegionPair> for PairText {
-    fn from(own: &RegionPair) -> Self {
-        Self(own.regions[0], own.regions[1], Real(own.statistic), own.freedom, Real(own.p))
+    fn from(region_pair: &RegionPair) -> Self {
+        Self(
+            region_pair.regions[0],
+            region_pair.regions[1],
+            Real(region_pair.statistic),
+            region_pair.freedom,
+            Real(region_pair.p),
+        )
     }
 }
 

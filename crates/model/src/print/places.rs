@@ -18,8 +18,8 @@ struct Axis {
 /// region of all rows.
 pub(super) fn places(partition: &Partition, columns: &[Column]) -> Vec<Vec<String>> {
     let unit = |name: &str| {
-        let own = columns.iter().find(|column| column.name == name);
-        own.and_then(|column| column.unit.as_ref()).map_or_else(String::new, |unit| format!(" {unit}"))
+        let column = columns.iter().find(|column| column.name == name);
+        column.and_then(|column| column.unit.as_ref()).map_or_else(String::new, |unit| format!(" {unit}"))
     };
     let axes: Vec<Axis> = (partition.columns.iter().zip(&partition.centre).zip(&partition.scale))
         .map(|((column, &centre), &scale)| Axis {
@@ -62,16 +62,17 @@ fn of_rule(rule: &Rule, axes: &[Axis], of_all: &str) -> Vec<Vec<String>> {
         Rule::Joined { cells, regions } => joined(&of_rule(cells, axes, "cells"), regions, rule.count()),
         Rule::Labels { names, rules, unseen, .. } => {
             let Some((label, others)) = axes.split_last() else { return vec![Vec::new(); rule.count()] };
-            let mut found = Vec::new();
+            let mut places = Vec::new();
             for (name, rule) in names.iter().zip(rules) {
                 let within = format!("where {} is {name}", label.name);
-                let with_label = |own: Vec<String>| std::iter::once(within.clone()).chain(own).collect::<Vec<_>>();
-                found.extend(of_rule(rule, others, "regions of the label").into_iter().map(with_label));
+                let with_label =
+                    |places: Vec<String>| std::iter::once(within.clone()).chain(places).collect::<Vec<_>>();
+                places.extend(of_rule(rule, others, "regions of the label").into_iter().map(with_label));
             }
             if *unseen == UnseenLabel::Pool {
-                found.push(vec![format!("where {} is none of these", label.name)]);
+                places.push(vec![format!("where {} is none of these", label.name)]);
             }
-            found
+            places
         }
     }
 }
@@ -79,12 +80,12 @@ fn of_rule(rule: &Rule, axes: &[Axis], of_all: &str) -> Vec<Vec<String>> {
 /// The cells of every region: where they lie, or how many there are where they are more than a person reads.
 fn joined(cells: &[Vec<String>], regions: &[u32], count: usize) -> Vec<Vec<String>> {
     let of = |region: usize| {
-        let own: Vec<usize> =
+        let cells_of: Vec<usize> =
             (0..cells.len()).filter(|&cell| regions.get(cell).is_some_and(|&r| r as usize == region)).collect();
-        if own.len() > CELLS {
-            return vec![format!("{} of the {} cells", own.len(), cells.len())];
+        if cells_of.len() > CELLS {
+            return vec![format!("{} of the {} cells", cells_of.len(), cells.len())];
         }
-        own.iter().map(|&cell| format!("cell {cell}: {}", cells[cell].join("; "))).collect()
+        cells_of.iter().map(|&cell| format!("cell {cell}: {}", cells[cell].join("; "))).collect()
     };
     (0..count).map(of).collect()
 }
@@ -92,18 +93,19 @@ fn joined(cells: &[Vec<String>], regions: &[u32], count: usize) -> Vec<Vec<Strin
 /// The thresholds between which the cells of every region lie, where these are cells of one column: cells that touch are one interval.
 fn united(scores: &[Score], regions: &[u32], count: usize, axis: &Axis) -> Vec<Vec<String>> {
     let of = |region: usize| {
-        let own = (0..scores.len()).filter(|&cell| regions.get(cell).is_some_and(|&r| r as usize == region));
-        let mut found: Vec<[f64; 2]> = own.map(|cell| bounds(scores, cell)).filter(|[low, high]| low < high).collect();
-        found.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let cells = (0..scores.len()).filter(|&cell| regions.get(cell).is_some_and(|&r| r as usize == region));
+        let mut intervals: Vec<[f64; 2]> =
+            cells.map(|cell| bounds(scores, cell)).filter(|[low, high]| low < high).collect();
+        intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let mut joined: Vec<[f64; 2]> = Vec::new();
-        for [low, high] in found {
+        for [low, high] in intervals {
             match joined.last_mut() {
                 // Both sides of a border are computed, and differ by rounding.
                 Some(last) if low <= last[1] + 1e-9 * axis.scale.abs() => last[1] = last[1].max(high),
                 _ => joined.push([low, high]),
             }
         }
-        joined.into_iter().map(|own| told(own, axis)).collect()
+        joined.into_iter().map(|interval| interval_in_words(interval, axis)).collect()
     };
     (0..count).map(of).collect()
 }
@@ -122,7 +124,7 @@ impl Score {
     }
 
     fn minus(&self, other: &Self) -> Self {
-        let slopes = self.slopes.iter().zip(&other.slopes).map(|(own, other)| own - other).collect();
+        let slopes = self.slopes.iter().zip(&other.slopes).map(|(slope, other)| slope - other).collect();
         Self { constant: self.constant - other.constant, slopes }
     }
 
@@ -152,18 +154,22 @@ fn centre(weights: &[f64], axes: &[Axis]) -> String {
 
 /// Set in which the score of a region is the largest, in words.
 fn border(scores: &[Score], region: usize, axes: &[Axis], of_all: &str) -> String {
-    let own = &scores[region];
+    let score = &scores[region];
     match (axes, scores) {
         (_, [_]) => "everywhere".to_owned(),
-        ([axis], _) => told(bounds(scores, region), axis),
+        ([axis], _) => interval_in_words(bounds(scores, region), axis),
         (_, [first, second]) => {
-            let difference = own.minus(if region == 0 { second } else { first });
+            let difference = score.minus(if region == 0 { second } else { first });
             let sign = if region == 0 { ">=" } else { ">" };
             format!("where {} {sign} {}", difference.slopes(axes), short(0.0 - difference.constant))
         }
         _ => {
-            let sign = if own.constant < 0.0 { "-" } else { "+" };
-            format!("where {} {sign} {} is the largest of all {of_all}", own.slopes(axes), short(own.constant.abs()))
+            let sign = if score.constant < 0.0 { "-" } else { "+" };
+            format!(
+                "where {} {sign} {} is the largest of all {of_all}",
+                score.slopes(axes),
+                short(score.constant.abs())
+            )
         }
     }
 }
@@ -185,7 +191,7 @@ fn bounds(scores: &[Score], region: usize) -> [f64; 2] {
 }
 
 /// An interval of a column, for people.
-fn told([low, high]: [f64; 2], axis: &Axis) -> String {
+fn interval_in_words([low, high]: [f64; 2], axis: &Axis) -> String {
     let (name, unit) = (&axis.name, &axis.unit);
     match (low.is_finite(), high.is_finite()) {
         _ if low >= high => "nowhere: everywhere another region is nearer".to_owned(),
@@ -216,18 +222,18 @@ mod tests {
 
     #[test]
     fn centres_and_thresholds_have_the_units_of_their_columns() {
-        let found = of(Rule::voronoi(vec![vec![-2.0], vec![0.0], vec![3.0]]), 1);
-        assert_eq!(found[0], ["centre v = 1 m/s", "where v < 1.5 m/s"]);
-        assert_eq!(found[1], ["centre v = 2 m/s", "where 1.5 <= v < 2.75 m/s"]);
-        assert_eq!(found[2], ["centre v = 3.5 m/s", "where v >= 2.75 m/s"]);
+        let places = of(Rule::voronoi(vec![vec![-2.0], vec![0.0], vec![3.0]]), 1);
+        assert_eq!(places[0], ["centre v = 1 m/s", "where v < 1.5 m/s"]);
+        assert_eq!(places[1], ["centre v = 2 m/s", "where 1.5 <= v < 2.75 m/s"]);
+        assert_eq!(places[2], ["centre v = 3.5 m/s", "where v >= 2.75 m/s"]);
     }
 
     #[test]
     fn borders_of_two_regions_are_planes_over_the_columns() {
         // 0.5 (v - 2)/0.5 - 2 (u + 1)/4 + 1 >= 0, so that v - 0.5 u >= 1.5.
         let rule = Rule::Linear { weights: vec![vec![0.5, -2.0], vec![0.0, 0.0]], offsets: vec![1.0, 0.0] };
-        let found = of(rule.clone(), 2);
-        assert_eq!(found, [["where 1*v - 0.5*u >= 1.5"], ["where -1*v + 0.5*u > -1.5"]]);
+        let places = of(rule.clone(), 2);
+        assert_eq!(places, [["where 1*v - 0.5*u >= 1.5"], ["where -1*v + 0.5*u > -1.5"]]);
         let rows = [[2.0, 1.0], [2.0, 1.02], [0.0, -3.1]];
         for [v, u] in rows {
             let inside = v - 0.5 * u >= 1.5;
@@ -238,8 +244,8 @@ mod tests {
     #[test]
     fn several_regions_have_scores_and_joined_ones_their_cells() {
         let cells = Rule::voronoi(vec![vec![0.0, 0.0], vec![2.0, 0.0], vec![0.0, 1.0]]);
-        let found = of(cells.clone(), 2);
-        assert_eq!(found[1], ["centre v = 3 m/s, u = -1", "where 4*v - 10 is the largest of all regions"]);
+        let places = of(cells.clone(), 2);
+        assert_eq!(places[1], ["centre v = 3 m/s, u = -1", "where 4*v - 10 is the largest of all regions"]);
         let joined = of(Rule::Joined { cells: Arc::new(cells), regions: vec![0, 1, 0] }, 2);
         assert_eq!(joined[0].len(), 2);
         let line = Rule::voronoi(vec![vec![-2.0], vec![0.0], vec![3.0], vec![5.0]]);

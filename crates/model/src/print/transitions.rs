@@ -80,13 +80,14 @@ fn along(out: &mut String, phases: &Phases, names: &[String]) {
 
 /// The most frequent passages of a bin from one region to another.
 fn changes(phases: &Phases, bin: usize, rows: u64, names: &[String]) -> String {
-    let mut left: Vec<_> = phases.passages.iter().filter(|own| own.bin as usize == bin && own.from != own.to).collect();
-    left.sort_by_key(|own| std::cmp::Reverse(own.rows));
-    let told = left.iter().take(CHANGES).map(|own| {
-        let percent = 100.0 * own.rows as f64 / rows as f64;
-        format!("{} to {} {percent:.1} %", names[own.from as usize], names[own.to as usize])
+    let mut left: Vec<_> =
+        phases.passages.iter().filter(|passage| passage.bin as usize == bin && passage.from != passage.to).collect();
+    left.sort_by_key(|passage| std::cmp::Reverse(passage.rows));
+    let texts = left.iter().take(CHANGES).map(|passage| {
+        let percent = 100.0 * passage.rows as f64 / rows as f64;
+        format!("{} to {} {percent:.1} %", names[passage.from as usize], names[passage.to as usize])
     });
-    told.collect::<Vec<String>>().join(", ")
+    texts.collect::<Vec<String>>().join(", ")
 }
 
 fn by_stride(out: &mut String, model: &Model, phases: &Phases, names: &[String]) {

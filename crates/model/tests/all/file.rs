@@ -191,11 +191,11 @@ fn phases_and_pairs_of_other_regions_are_refused() {
         change(&mut broken.partitions[0]);
         Model::from_json(&broken.to_json(), "broken.json").expect_err("contradicts itself").to_string()
     };
-    let strides = refused(&|own| own.phases.iter_mut().for_each(|phases| phases.strides.truncate(4)));
+    let strides = refused(&|partition| partition.phases.iter_mut().for_each(|phases| phases.strides.truncate(4)));
     assert!(strides.contains("3 bins and 5 regions"), "{strides}");
     for pair in [[3, 3], [1, 5], [2, 1]] {
-        let told = refused(&|own| own.pairs[0].regions = pair);
-        assert!(told.contains(&format!("{} and {} are no pair", pair[0], pair[1])), "{told}");
+        let error = refused(&|partition| partition.pairs[0].regions = pair);
+        assert!(error.contains(&format!("{} and {} are no pair", pair[0], pair[1])), "{error}");
     }
 }
 

@@ -150,7 +150,9 @@ pub(crate) fn pwa(regions: usize, seed: u64) -> Model {
 /// The same with other slopes outside of narrow ranges, which most points leave.
 pub(crate) fn beyond() -> Model {
     let mut model = pwa(4, 17);
-    for range in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).flat_map(|own| &mut own.range) {
+    for range in
+        model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).flat_map(|region| &mut region.range)
+    {
         let (centre, half) = ((range[0] + range[1]) / 2.0, (range[1] - range[0]) / 8.0);
         *range = [centre - half, centre + half];
     }

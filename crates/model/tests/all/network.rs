@@ -16,7 +16,7 @@ fn map(model: &Model, latent: usize) -> &BasisMap {
 
 fn network(map: &BasisMap) -> &Network {
     match &map.basis {
-        Basis::Network(own) => own,
+        Basis::Network(network) => network,
         other => panic!("{other:?}"),
     }
 }
@@ -26,21 +26,23 @@ fn a_value_is_that_of_the_formula() {
     let formulas: [fn(f64) -> f64; 3] = [f64::tanh, |z| z.max(0.0), |z| z.exp().ln_1p()];
     for (activation, formula) in Activation::ALL.into_iter().zip(formulas) {
         let model = models::network(activation);
-        let (map, own) = (map(&model, 1), network(map(&model, 1)));
-        let mut units: Vec<f64> = (0..2).map(|i| (AT[own.inputs[i]] - own.centre[i]) / own.scale[i]).collect();
-        for layer in &own.layers {
+        let (map, network_map) = (map(&model, 1), network(map(&model, 1)));
+        let mut units: Vec<f64> =
+            (0..2).map(|i| (AT[network_map.inputs[i]] - network_map.centre[i]) / network_map.scale[i]).collect();
+        for layer in &network_map.layers {
             let sum = |(row, bias): (&Vec<f64>, &f64)| row.iter().zip(&units).map(|(w, z)| w * z).sum::<f64>() + bias;
             units = layer.weights.iter().zip(&layer.biases).map(sum).map(formula).collect();
         }
         let linear = map.affine.constants[0] + (0..3).map(|j| map.affine.coefficients[0][j] * AT[j]).sum::<f64>();
         let by_hand = linear + units.iter().zip(&map.weights[0]).map(|(unit, weight)| unit * weight).sum::<f64>();
         assert!((map.value(0, &AT) - by_hand).abs() < 1e-13, "{activation:?}");
-        assert_eq!((map.functions(), map.features(), own.count(), own.numbers()), (3, 6, 3, 33));
+        assert_eq!((map.functions(), map.features(), network_map.count(), network_map.numbers()), (3, 6, 3, 33));
         // Each unit written out over the columns has its value.
         let names = ["x", "y", "u"].map(Expr::column);
         for k in 0..3 {
             let text = map.expression(3 + k, &names).unwrap();
-            let value = text.value(|name, _| AT[["x", "y", "u"].iter().position(|own| *own == name).unwrap()], |_| 0.0);
+            let value =
+                text.value(|name, _| AT[["x", "y", "u"].iter().position(|input| *input == name).unwrap()], |_| 0.0);
             assert!((value - units[k]).abs() < 1e-13, "{activation:?} {text}");
         }
     }
@@ -77,11 +79,11 @@ fn a_file_has_hidden_layers_once_and_reads_back() {
     assert_eq!((again.to_json(), &again), (text, &model));
     // Latents of another network have theirs.
     let mut other = model.clone();
-    let Map::Basis(own) = &mut other.latents[1].map else { panic!("a network") };
-    own.basis = map(&models::network_regions(), 0).basis.clone();
-    own.weights = vec![vec![0.5; 6]];
-    let own = network(own).inputs.clone();
-    assert_eq!(own, [0, 1, 3]);
+    let Map::Basis(map_of) = &mut other.latents[1].map else { panic!("a network") };
+    map_of.basis = map(&models::network_regions(), 0).basis.clone();
+    map_of.weights = vec![vec![0.5; 6]];
+    let input_columns = network(map_of).inputs.clone();
+    assert_eq!(input_columns, [0, 1, 3]);
     assert_eq!(other.to_json().matches("\"hidden\"").count(), 2);
     assert!(Model::from_json(&other.to_json(), "m.json").unwrap_err().to_string().contains("does not have"));
 }
@@ -92,20 +94,20 @@ fn what_does_not_fit_together_is_refused() {
     let refused = |change: &dyn Fn(&mut Network), words: &str| {
         let mut model = model.clone();
         for latent in &mut model.latents {
-            let Map::Basis(own) = &mut latent.map else { panic!("a network") };
-            let mut changed = network(own).clone();
+            let Map::Basis(map_of) = &mut latent.map else { panic!("a network") };
+            let mut changed = network(map_of).clone();
             change(&mut changed);
-            own.basis = Basis::Network(changed.into());
+            map_of.basis = Basis::Network(changed.into());
         }
         let error = Model::from_json(&model.to_json(), "m.json").unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
-    refused(&|own| own.inputs[0] = 9, "does not have");
-    refused(&|own| own.scale[1] = 0.0, "not positive");
-    refused(&|own| own.centre.truncate(1), "scales");
-    refused(&|own| own.layers[1].weights[0].truncate(2), "layer 2");
-    refused(&|own| own.layers[0].biases[1] = f64::NAN, "not finite");
-    refused(&|own| own.layers.clear(), "without layers");
+    refused(&|network| network.inputs[0] = 9, "does not have");
+    refused(&|network| network.scale[1] = 0.0, "not positive");
+    refused(&|network| network.centre.truncate(1), "scales");
+    refused(&|network| network.layers[1].weights[0].truncate(2), "layer 2");
+    refused(&|network| network.layers[0].biases[1] = f64::NAN, "not finite");
+    refused(&|network| network.layers.clear(), "without layers");
 }
 
 #[test]

@@ -97,21 +97,21 @@ fn candidates_become_a_table_of_centres() {
     functions.gather(&mut gathered);
     gathered.validate().unwrap();
     assert_eq!(gathered.libraries[0].len(), 3);
-    for (own, from) in gathered.latents.iter().zip(&model.latents) {
-        assert!(own.affine().is_none() && from.affine().is_some());
+    for (latent, from) in gathered.latents.iter().zip(&model.latents) {
+        assert!(latent.affine().is_none() && from.affine().is_some());
         for region in 0..2 {
-            assert_eq!(own.map.constant(region), from.map.constant(region));
-            (0..6).for_each(|j| assert_eq!(own.map.coefficient(region, j), from.map.coefficient(region, j), "{j}"));
+            assert_eq!(latent.map.constant(region), from.map.constant(region));
+            (0..6).for_each(|j| assert_eq!(latent.map.coefficient(region, j), from.map.coefficient(region, j), "{j}"));
         }
         // Written out again they are the candidates.
         for k in 3..6 {
-            let expression = own.map.expression(k, &gathered.libraries[0]).unwrap();
+            let expression = latent.map.expression(k, &gathered.libraries[0]).unwrap();
             assert_eq!(expression, model.libraries[0][k]);
         }
     }
-    for (own, from) in gathered.summaries[0].regions.iter().zip(&model.summaries[0].regions) {
-        assert_eq!((own.mean.as_slice(), own.covariance.as_slice()), (&from.mean[..3], &from.covariance[..6]));
-        assert_eq!((own.range.as_slice(), own.rows), (&from.range[..3], from.rows));
+    for (region, from) in gathered.summaries[0].regions.iter().zip(&model.summaries[0].regions) {
+        assert_eq!((region.mean.as_slice(), region.covariance.as_slice()), (&from.mean[..3], &from.covariance[..6]));
+        assert_eq!((region.range.as_slice(), region.rows), (&from.range[..3], from.rows));
     }
     let text = describe(&gathered, 9);
     assert!(text.contains("radial1 to radial3: exp(-|(u - c)/s|^2/(2*w^2)) of u = (x, z), width w = 1.25"), "{text}");
@@ -141,8 +141,8 @@ fn an_input_that_no_term_has_is_added_to_the_library() {
     model.validate().unwrap();
     let names: Vec<String> = model.libraries[0].iter().map(ToString::to_string).collect();
     assert_eq!(names, ["u", "z", "x"]);
-    let Map::Basis(own) = &model.latents[0].map else { panic!("{:?}", model.latents[0]) };
-    assert_eq!(own.basis.inputs(), [2, 1]);
+    let Map::Basis(radial) = &model.latents[0].map else { panic!("{:?}", model.latents[0]) };
+    assert_eq!(radial.basis.inputs(), [2, 1]);
     let region = &model.summaries[0].regions[0];
     assert!(region.mean[2].is_nan() && region.covariance[5].is_nan() && region.mean[1] == 0.5);
     assert_eq!(region.range[2], [f64::NEG_INFINITY, f64::INFINITY]);
@@ -158,10 +158,10 @@ fn centres_are_those_of_a_partition_and_as_wide_as_they_are_apart() {
         rule: Rule::voronoi(vec![vec![0.0, 0.0], vec![3.0, 4.0], vec![0.0, 1.0]]),
         ..Partition::whole()
     };
-    let found = RadialFunctions::around(&partition).unwrap();
-    assert_eq!(found.centres, [[10.0, 0.0], [16.0, 4.0], [10.0, 1.0]]);
+    let radial_functions = RadialFunctions::around(&partition).unwrap();
+    assert_eq!(radial_functions.centres, [[10.0, 0.0], [16.0, 4.0], [10.0, 1.0]]);
     // Nearest others: 1, sqrt(9 + 9), 1.
-    assert!((found.width - (2.0 + 18f64.sqrt()) / 3.0).abs() < 1e-15);
+    assert!((radial_functions.width - (2.0 + 18f64.sqrt()) / 3.0).abs() < 1e-15);
     assert_eq!(RadialFunctions::around(&Partition::whole()), None);
     let one = Partition { rule: Rule::voronoi(vec![vec![0.5, 0.5]]), ..partition };
     assert_eq!(RadialFunctions::around(&one).unwrap().width, 1.0);
@@ -169,7 +169,7 @@ fn centres_are_those_of_a_partition_and_as_wide_as_they_are_apart() {
 
 fn gaussian(map: &mut BasisMap) -> &mut Gaussian {
     match &mut map.basis {
-        Basis::Gaussian(own) => Arc::make_mut(own),
+        Basis::Gaussian(gaussian) => Arc::make_mut(gaussian),
         other => panic!("{other:?}"),
     }
 }
@@ -181,17 +181,17 @@ fn what_does_not_fit_together_is_refused() {
     json(&model).unwrap();
     let mut change = |change: &dyn Fn(&mut BasisMap), words: &str| {
         let before = model.latents[0].map.clone();
-        let Map::Basis(own) = &mut model.latents[0].map else { panic!("a radial latent") };
-        change(own);
+        let Map::Basis(radial) = &mut model.latents[0].map else { panic!("a radial latent") };
+        change(radial);
         let error = json(&model).unwrap_err();
         assert!(error.contains(words), "{error}");
         model.latents[0].map = before;
     };
-    change(&|own| own.weights.clear(), "weights for 0 of 1 regions");
-    change(&|own| own.weights[0].truncate(1), "functions of the basis each");
-    change(&|own| gaussian(own).inputs[0] = 7, "does not have");
-    change(&|own| gaussian(own).width = 0.0, "not positive");
-    change(&|own| gaussian(own).scale[0] = f64::NAN, "not positive");
-    change(&|own| gaussian(own).centres[1][0] = f64::INFINITY, "not finite");
-    change(&|own| gaussian(own).scale.truncate(1), "scales");
+    change(&|radial| radial.weights.clear(), "weights for 0 of 1 regions");
+    change(&|radial| radial.weights[0].truncate(1), "functions of the basis each");
+    change(&|radial| gaussian(radial).inputs[0] = 7, "does not have");
+    change(&|radial| gaussian(radial).width = 0.0, "not positive");
+    change(&|radial| gaussian(radial).scale[0] = f64::NAN, "not positive");
+    change(&|radial| gaussian(radial).centres[1][0] = f64::INFINITY, "not finite");
+    change(&|radial| gaussian(radial).scale.truncate(1), "scales");
 }

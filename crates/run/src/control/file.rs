@@ -108,7 +108,7 @@ impl ControllerFile {
     ) -> Self {
         let map = |named: &[(String, f64)]| named.iter().cloned().collect();
         let finite = |value: f64| value.is_finite().then_some(value);
-        let name = |region: usize| regions.get(region).map_or_else(|| region.to_string(), |own| own.name.clone());
+        let name = |region: usize| regions.get(region).map_or_else(|| region.to_string(), |region| region.name.clone());
         Self {
             kind: ControllerRecord::Lqr,
             law,
@@ -125,14 +125,14 @@ impl ControllerFile {
             },
             regions: regions
                 .into_iter()
-                .map(|own| LqrRecord {
-                    region: own.name,
-                    rows: own.rows,
-                    unreached: own.unreached,
-                    radius: finite(own.radius),
-                    residual: finite(own.residual),
-                    rests: own.rests,
-                    borrowed: own.borrowed,
+                .map(|region| LqrRecord {
+                    region: region.name,
+                    rows: region.rows,
+                    unreached: region.unreached,
+                    radius: finite(region.radius),
+                    residual: finite(region.residual),
+                    rests: region.rests,
+                    borrowed: region.borrowed,
                 })
                 .collect(),
             notes,
@@ -199,8 +199,8 @@ impl ControllerFile {
     pub fn law_model(&self) -> Result<Model, Error> {
         let mut model = self.law.model().map_err(fleetfoot_dynamics::Error::from)?;
         model.method = format!("regulator of {} as", self.model);
-        for (region, own) in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).zip(&self.regions) {
-            region.name.clone_from(&own.region);
+        for (region, record) in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).zip(&self.regions) {
+            region.name.clone_from(&record.region);
         }
         Ok(model)
     }

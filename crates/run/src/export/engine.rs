@@ -137,15 +137,16 @@ fn take(function: &str, result: &mut TestResult, code: i64, values: &[f64]) -> R
             result.code
         )));
     }
-    for (index, (own, (value, room))) in result.values.iter_mut().zip(values.iter().zip(&result.tolerances)).enumerate()
+    for (index, (computed, (value, room))) in
+        result.values.iter_mut().zip(values.iter().zip(&result.tolerances)).enumerate()
     {
-        let error = (*value - *own).abs();
+        let error = (*value - *computed).abs();
         if error > *room || error.is_nan() {
             return Err(Error::internal(format!(
-                "value {index} of the exported `{function}` is {own:e} where the engine gives {value:e}, more than rounding explains ({room:e}); please report this model"
+                "value {index} of the exported `{function}` is {computed:e} where the engine gives {value:e}, more than rounding explains ({room:e}); please report this model"
             )));
         }
-        *own = *value;
+        *computed = *value;
     }
     Ok(())
 }

@@ -80,9 +80,9 @@ impl<'a> Said<'a> {
             fields: named("sensors", settings.sensors.as_deref())?.into_iter().map(meant).collect(),
             truth: named("truth", settings.truth.as_deref())?.into_iter().map(meant).collect(),
         };
-        let all = (said.sensors.iter().map(|own| ("measured", &own.state)))
-            .chain(said.fields.iter().map(|own| ("sensors", &own.0)))
-            .chain(said.truth.iter().map(|own| ("truth", &own.0)));
+        let all = (said.sensors.iter().map(|sensor| ("measured", &sensor.state)))
+            .chain(said.fields.iter().map(|field| ("sensors", &field.0)))
+            .chain(said.truth.iter().map(|truth| ("truth", &truth.0)));
         for (of, state) in all {
             if !states.contains(state) {
                 let problem = format!(
@@ -149,16 +149,18 @@ impl Asked {
             said.sensors = all.map(|(state, _)| Measured { state: state.clone(), deviation: None }).collect();
         }
         let sensors = &said.sensors;
-        let told: Vec<String> =
+        let names: Vec<String> =
             sensors.iter().map(|sensor| format!("{}_deviation", said.measurement(&sensor.state))).collect();
-        let there = Dataset::readable(&recipe, logs, &told)?;
+        let there = Dataset::readable(&recipe, logs, &names)?;
         // What the filter reads, and nothing else: states that nobody measures may be missing.
         let mut columns = Columns::of(model, &inputs);
-        let measured: Vec<String> =
-            sensors.iter().map(|own| columns.add("measured", &own.state, said.measurement(&own.state))).collect();
-        let deviations: Vec<Option<String>> = (sensors.iter().zip(told).zip(there))
-            .map(|((own, told), there)| {
-                (there && own.deviation.is_none()).then(|| columns.add("deviation", &own.state, told))
+        let measured: Vec<String> = sensors
+            .iter()
+            .map(|sensor| columns.add("measured", &sensor.state, said.measurement(&sensor.state)))
+            .collect();
+        let deviations: Vec<Option<String>> = (sensors.iter().zip(names).zip(there))
+            .map(|((sensor, name), there)| {
+                (there && sensor.deviation.is_none()).then(|| columns.add("deviation", &sensor.state, name))
             })
             .collect();
         let truth: Vec<String> =
@@ -168,11 +170,12 @@ impl Asked {
         let readings = {
             let view = dataset.view()?;
             let place = |name: &String| {
-                let found = view.column_index(name);
-                found.ok_or_else(|| Error::unknown(name, format!("the logs have no {name}, which the filter reads")))
+                let column_index = view.column_index(name);
+                column_index
+                    .ok_or_else(|| Error::unknown(name, format!("the logs have no {name}, which the filter reads")))
             };
-            let truth = said.truth.iter().zip(&truth).map(|((own, _), name)| {
-                let state = states.iter().position(|state| state == own).unwrap_or(0);
+            let truth = said.truth.iter().zip(&truth).map(|((true_state, _), name)| {
+                let state = states.iter().position(|state| state == true_state).unwrap_or(0);
                 Ok::<_, Error>(Truth { state, column: place(name)? })
             });
             Reading {
@@ -180,7 +183,7 @@ impl Asked {
                 measured: measured.iter().map(place).collect::<Result<_, _>>()?,
                 deviations: deviations
                     .iter()
-                    .map(|own| own.as_ref().map(place).transpose())
+                    .map(|deviation| deviation.as_ref().map(place).transpose())
                     .collect::<Result<_, _>>()?,
                 truth: truth.collect::<Result<_, _>>()?,
             }
@@ -203,12 +206,12 @@ fn notes(filter: &SwitchedFilter, sensors: &[Measured], readings: &Reading) -> V
             by_column.join(", ")
         ));
     }
-    let found = names(&|k| readings.deviations[k].is_none() && sensors[k].deviation.is_none());
-    if !found.is_empty() {
+    let names = names(&|k| readings.deviations[k].is_none() && sensors[k].deviation.is_none());
+    if !names.is_empty() {
         notes.push(format!(
             "the deviations of {} are estimated from the innovations so far; write them if they are known ({})",
-            found.join(", "),
-            MEASURED.to(format_args!("{}=0.01", found[0]))
+            names.join(", "),
+            MEASURED.to(format_args!("{}=0.01", names[0]))
         ));
     }
     let open = |&s: &usize| !filter.has_mean(s) && filter.measured().all(|state| state != s);

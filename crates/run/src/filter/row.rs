@@ -66,16 +66,16 @@ impl<'a> Follower<'a> {
     /// Filters the next rows, which come with the one before them.
     pub(super) fn follow(&mut self, block: &Block) -> FilteredRows {
         let (filter, readings) = (self.filter, self.readings);
-        let mut found = FilteredRows::none(filter, readings, self, block);
+        let mut filtered_rows = FilteredRows::none(filter, readings, self, block);
         let seconds = block.seconds();
         let at = |column: usize, row: usize| block.column(column)[row];
         let read =
             |columns: &[usize], row: usize| -> Vec<f64> { columns.iter().map(|&column| at(column, row)).collect() };
-        let told = |row: usize| -> Vec<f64> {
+        let deviations = |row: usize| -> Vec<f64> {
             readings.deviations.iter().map(|column| column.map_or(f64::NAN, |column| at(column, row))).collect()
         };
         for row in block.before..block.before + block.rows {
-            let (measured, deviations) = (read(&readings.measured, row), told(row));
+            let (measured, deviations) = (read(&readings.measured, row), deviations(row));
             let track = match &mut self.track {
                 None => self.track.insert(filter.start(&measured, &deviations)),
                 Some(track) => {
@@ -84,16 +84,17 @@ impl<'a> Follower<'a> {
                     track
                 }
             };
-            found.push(filter, readings, track, &measured, &|column| at(column, row));
+            filtered_rows.push(filter, readings, track, &measured, &|column| at(column, row));
         }
         if let (Some(track), Some(last)) = (&self.track, (block.before + block.rows).checked_sub(1)) {
-            let sensor = |((k, told), given): ((usize, f64), Option<f64>)| {
-                given.unwrap_or(if told.is_finite() { told } else { track.estimated_deviation(filter, k) })
+            let sensor = |((k, deviation), given): ((usize, f64), Option<f64>)| {
+                given.unwrap_or(if deviation.is_finite() { deviation } else { track.estimated_deviation(filter, k) })
             };
-            found.last_deviations = told(last).into_iter().enumerate().zip(filter.deviations()).map(sensor).collect();
-            (found.process, found.held_inputs) = (track.process(), track.held_inputs());
+            filtered_rows.last_deviations =
+                deviations(last).into_iter().enumerate().zip(filter.deviations()).map(sensor).collect();
+            (filtered_rows.process, filtered_rows.held_inputs) = (track.process(), track.held_inputs());
         }
-        found
+        filtered_rows
     }
 }
 
@@ -161,7 +162,7 @@ impl FilteredRows {
             (&mut self.truths, &next.truths),
             (&mut self.measured, &next.measured),
         ];
-        columns.into_iter().for_each(|(own, next)| own.extend(next));
+        columns.into_iter().for_each(|(column, next)| column.extend(next));
         self.known += next.known;
         self.last_deviations.clone_from(&next.last_deviations);
         (self.process, self.held_inputs) = (next.process, next.held_inputs);
@@ -256,9 +257,10 @@ impl FilteredRows {
 
     /// The region of a row that is most probable, the lowest of equals; none where the filter was lost.
     pub fn region(&self, row: usize) -> Option<usize> {
-        let own = &self.probabilities[row * self.regions..][..self.regions];
-        let best = (1..self.regions).fold(0, |best, region| if own[region] > own[best] { region } else { best });
-        own[best].is_finite().then_some(best)
+        let probabilities = &self.probabilities[row * self.regions..][..self.regions];
+        let best = (1..self.regions)
+            .fold(0, |best, region| if probabilities[region] > probabilities[best] { region } else { best });
+        probabilities[best].is_finite().then_some(best)
     }
 
     /// Measurement of a sensor; NaN without one.

@@ -70,18 +70,18 @@ impl Sensor {
     }
 
     /// A row behind another one.
-    fn pair(&mut self, before: &Last, own: &Last) {
-        if before.normalised.is_finite() && own.normalised.is_finite() {
+    fn pair(&mut self, before: &Last, present: &Last) {
+        if before.normalised.is_finite() && present.normalised.is_finite() {
             let [products, squares, pairs] = self.neighbours;
             self.neighbours = [
-                products + before.normalised * own.normalised,
-                squares + 0.5 * (before.normalised * before.normalised + own.normalised * own.normalised),
+                products + before.normalised * present.normalised,
+                squares + 0.5 * (before.normalised * before.normalised + present.normalised * present.normalised),
                 pairs + 1.0,
             ];
         }
-        if before.measured.is_finite() && own.measured.is_finite() {
+        if before.measured.is_finite() && present.measured.is_finite() {
             let [repeated, pairs] = self.repeated;
-            self.repeated = [repeated + u64::from(before.measured == own.measured), pairs + 1];
+            self.repeated = [repeated + u64::from(before.measured == present.measured), pairs + 1];
         }
     }
 }
@@ -92,7 +92,7 @@ impl Sums {
         Self {
             sensors: (0..sensors).map(|_| Sensor::new()).collect(),
             nis: Consistency::new(sensors),
-            nees: Consistency::new(filter.freedom(&readings.truth.iter().map(|own| own.state).collect::<Vec<_>>())),
+            nees: Consistency::new(filter.freedom(&readings.truth.iter().map(|truth| truth.state).collect::<Vec<_>>())),
             errors: vec![[0.0; 4]; readings.truth.len()],
             log_likelihood: 0.0,
             process: Vec::new(),
@@ -118,13 +118,13 @@ impl Sums {
         for (k, (sums, last)) in self.sensors.iter_mut().zip(&mut along.sensors).enumerate() {
             for row in 0..rows.rows() {
                 let (normalised, measured) = (rows.normalised(row, k), rows.measured(row, k));
-                let own = Last { normalised, measured, deviation: rows.last_deviations[k] };
-                sums.pair(last, &own);
-                *last = own;
+                let present = Last { normalised, measured, deviation: rows.last_deviations[k] };
+                sums.pair(last, &present);
+                *last = present;
             }
             sums.squares.add(episode, (0..rows.rows()).map(|row| rows.normalised(row, k).powi(2)));
         }
-        rows.log_likelihood()[..rows.known].iter().for_each(|own| along.log_likelihood += own);
+        rows.log_likelihood()[..rows.known].iter().for_each(|log_likelihood| along.log_likelihood += log_likelihood);
         self.lost += (rows.rows() - rows.known) as u64;
         if rows.known < rows.rows() && !along.lost {
             along.lost = true;
@@ -218,19 +218,19 @@ impl Sums {
     pub(super) fn sensors(&self, filter: &SwitchedFilter, readings: &Reading) -> Vec<SensorReport> {
         let given: Vec<Option<f64>> = filter.deviations().collect();
         let sensor = |(k, state): (usize, usize)| {
-            let own = &self.sensors[k];
-            let [products, squares, pairs] = own.neighbours;
+            let sensor = &self.sensors[k];
+            let [products, squares, pairs] = sensor.neighbours;
             let column = readings.deviations[k].is_some();
             SensorReport {
                 state: filter.states()[state].clone(),
-                deviation: given[k].unwrap_or_else(|| mean(&own.deviations)),
+                deviation: given[k].unwrap_or_else(|| mean(&sensor.deviations)),
                 deviation_from: match given[k] {
                     Some(_) => DeviationFrom::Given,
                     None if column => DeviationFrom::Column,
                     None => DeviationFrom::Innovations,
                 },
-                rows: own.squares.rows(),
-                share: own.squares.share(),
+                rows: sensor.squares.rows(),
+                share: sensor.squares.share(),
                 correlation: products / squares,
                 white: 1.96 / pairs.sqrt(),
             }
@@ -239,11 +239,11 @@ impl Sums {
     }
 
     pub(super) fn truth(&self, filter: &SwitchedFilter, readings: &Reading) -> Vec<TruthReport> {
-        let told = |(truth, &[squares, rows, off, readings]): (&asked::Truth, &[f64; 4])| TruthReport {
+        let report = |(truth, &[squares, rows, off, readings]): (&asked::Truth, &[f64; 4])| TruthReport {
             state: filter.states()[truth.state].clone(),
             rmse: (squares / rows).sqrt(),
             measured_rmse: (readings > 0.0).then(|| (off / readings).sqrt()),
         };
-        readings.truth.iter().zip(&self.errors).map(told).collect()
+        readings.truth.iter().zip(&self.errors).map(report).collect()
     }
 }

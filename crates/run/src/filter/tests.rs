@@ -76,7 +76,7 @@ fn whatever_is_filtered_at_a_time_gives_the_same_bits_and_keeps_no_more() {
 /// Report on some recordings; the same for any number of rows that are filtered at a time.
 fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
     let changes = Recipe::default();
-    let found = |at_a_time: usize, threads: usize| {
+    let filtered = |at_a_time: usize, threads: usize| {
         let (mut kept, mut most): (Vec<FilteredRows>, usize) = (Vec::new(), 0);
         let filtered = with_threads(threads, || {
             filter_pieces(model, &changes, &Logs::from(logs), at_a_time, &Silent, |_, rows| {
@@ -93,11 +93,11 @@ fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
         assert!(most <= at_a_time, "{most} rows at a time");
         (filtered.expect("filtered").to_json().to_string(), episodes)
     };
-    let whole = found(10_000, 1);
+    let whole = filtered(10_000, 1);
     let rows: Vec<usize> = whole.1.iter().map(|(_, stamps, _)| stamps.len()).collect();
     assert_eq!(rows, [900, 40, 333, 1]);
     for (at_a_time, threads) in [(1, 2), (7, 7), (64, 1), (333, 2), (899, 7), (900, 2)] {
-        assert_eq!(found(at_a_time, threads), whole, "{at_a_time} rows at a time, {threads} threads");
+        assert_eq!(filtered(at_a_time, threads), whole, "{at_a_time} rows at a time, {threads} threads");
     }
     whole.0
 }

@@ -62,11 +62,13 @@ impl FilteredWriter {
         Ok(Self { sink, states, regions, sensors })
     }
 
-    pub(crate) fn write(&mut self, found: &FilteredRows) -> Result<(), Error> {
+    pub(crate) fn write(&mut self, filtered_rows: &FilteredRows) -> Result<(), Error> {
         let (states, regions, sensors) = (self.states, self.regions, self.sensors);
         match &mut self.sink {
-            Sink::Table(writer) => write_table(writer, found, states, regions, sensors),
-            Sink::Mcap { overlay, topics, .. } => write_messages(overlay, topics, found, states, regions, sensors),
+            Sink::Table(writer) => write_table(writer, filtered_rows, states, regions, sensors),
+            Sink::Mcap { overlay, topics, .. } => {
+                write_messages(overlay, topics, filtered_rows, states, regions, sensors)
+            }
         }
     }
 
@@ -118,34 +120,34 @@ fn plots(filter: &SwitchedFilter) -> Vec<Plot> {
 }
 
 /// -1 for a row that the filter was lost before.
-fn region(found: &FilteredRows, row: usize) -> i64 {
-    found.region(row).map_or(-1, |region| region as i64)
+fn region(filtered_rows: &FilteredRows, row: usize) -> i64 {
+    filtered_rows.region(row).map_or(-1, |region| region as i64)
 }
 
 fn write_table(
     writer: &mut TableWriter,
-    found: &FilteredRows,
+    filtered_rows: &FilteredRows,
     states: usize,
     regions: usize,
     sensors: usize,
 ) -> Result<(), Error> {
-    let rows = found.rows();
+    let rows = filtered_rows.rows();
     let column =
         |of: &[f64], width: usize, at: usize| -> Vec<f64> { (0..rows).map(|row| of[row * width + at]).collect() };
     let mut numbers = Vec::new();
     for state in 0..states {
-        numbers.push(column(found.means(), states, state));
-        numbers.push(column(found.deviations(), states, state));
+        numbers.push(column(filtered_rows.means(), states, state));
+        numbers.push(column(filtered_rows.deviations(), states, state));
     }
     for sensor in 0..sensors {
-        numbers.push(column(found.innovations(), sensors, sensor));
-        numbers.push(column(found.innovation_deviations(), sensors, sensor));
+        numbers.push(column(filtered_rows.innovations(), sensors, sensor));
+        numbers.push(column(filtered_rows.innovation_deviations(), sensors, sensor));
     }
-    numbers.extend((0..regions).map(|region| column(found.probabilities(), regions, region)));
-    numbers.push(found.log_likelihood().to_vec());
-    let regions: Vec<i64> = (0..rows).map(|row| region(found, row)).collect();
-    let names = vec![found.episode(); rows];
-    let mut values = vec![Values::Text(&names), Values::Integer(found.stamps())];
+    numbers.extend((0..regions).map(|region| column(filtered_rows.probabilities(), regions, region)));
+    numbers.push(filtered_rows.log_likelihood().to_vec());
+    let regions: Vec<i64> = (0..rows).map(|row| region(filtered_rows, row)).collect();
+    let names = vec![filtered_rows.episode(); rows];
+    let mut values = vec![Values::Text(&names), Values::Integer(filtered_rows.stamps())];
     values.extend(numbers.iter().map(|column| Values::Float(column)));
     values.push(Values::Integer(&regions));
     writer.write(&values)?;
@@ -156,26 +158,26 @@ fn write_table(
 fn write_messages(
     overlay: &mut Overlay,
     topics: &[SeriesId; 6],
-    found: &FilteredRows,
+    filtered_rows: &FilteredRows,
     states: usize,
     regions: usize,
     sensors: usize,
 ) -> Result<(), Error> {
-    for (row, &stamp) in found.stamps().iter().enumerate() {
-        let log_time = stamp.saturating_add(found.log_offset());
+    for (row, &stamp) in filtered_rows.stamps().iter().enumerate() {
+        let log_time = stamp.saturating_add(filtered_rows.log_offset());
         let of = |values: &[f64], width: usize| values[row * width..][..width].to_vec();
-        let mut about = vec![region(found, row) as f64, found.log_likelihood()[row]];
-        about.extend(of(found.probabilities(), regions));
+        let mut about = vec![region(filtered_rows, row) as f64, filtered_rows.log_likelihood()[row]];
+        about.extend(of(filtered_rows.probabilities(), regions));
         let values = [
-            (0..sensors).map(|sensor| found.measured(row, sensor)).collect(),
-            of(found.means(), states),
-            of(found.deviations(), states),
-            of(found.innovations(), sensors),
-            of(found.innovation_deviations(), sensors),
+            (0..sensors).map(|sensor| filtered_rows.measured(row, sensor)).collect(),
+            of(filtered_rows.means(), states),
+            of(filtered_rows.deviations(), states),
+            of(filtered_rows.innovations(), sensors),
+            of(filtered_rows.innovation_deviations(), sensors),
             about,
         ];
         for (&topic, values) in topics.iter().zip(&values) {
-            if row < found.known && values.iter().any(|value| value.is_finite()) {
+            if row < filtered_rows.known && values.iter().any(|value| value.is_finite()) {
                 overlay.row(topic, stamp, log_time, values)?;
             }
         }

@@ -12,17 +12,22 @@ use crate::{Followed, resimulate::Spread};
 impl Followed {
     /// Deviations, certificates and settings; trajectories are not among them.
     pub fn to_json(&self) -> Value {
-        let found = &self.found;
+        let resimulation = &self.found;
         let [dynamics, bounds, stationarity] = self.worst();
-        report(Told {
-            rule: if found.continuous { "hermite-simpson" } else { "next-row" },
-            rows: found.episodes.iter().map(|own| own.rows.len()).sum(),
-            columns: (0..found.columns.len()).map(|at| Column::new(self, at)).collect(),
-            replayed: &found.replayed,
+        report(Content {
+            rule: if resimulation.continuous { "hermite-simpson" } else { "next-row" },
+            rows: resimulation.episodes.iter().map(|episode| episode.rows.len()).sum(),
+            columns: (0..resimulation.columns.len()).map(|at| Column::new(self, at)).collect(),
+            replayed: &resimulation.replayed,
             violation: Violation { dynamics, bounds },
             stationarity,
             minima: self.minima(),
-            episodes: found.episodes.iter().zip(&self.names).map(|(own, name)| Episode::new(self, own, name)).collect(),
+            episodes: resimulation
+                .episodes
+                .iter()
+                .zip(&self.names)
+                .map(|(episode, name)| Episode::new(self, episode, name))
+                .collect(),
             left_out: &self.left_out,
             in_sample_episodes: &self.in_sample,
             warnings: self.warnings(),
@@ -32,7 +37,7 @@ impl Followed {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     rule: &'static str,
     rows: usize,
     columns: Vec<Column<'a>>,
@@ -69,14 +74,14 @@ struct Column<'a> {
 
 impl<'a> Column<'a> {
     fn new(all: &'a Followed, at: usize) -> Self {
-        let found = &all.found;
+        let resimulation = &all.found;
         Self {
-            name: &found.columns[at],
+            name: &resimulation.columns[at],
             unit: all.units[at].as_deref(),
-            kind: if at < found.states { "state" } else { "input" },
-            deviation: found.deviations[at],
-            bounds: found.bounds[at],
-            spread: found.spreads[at],
+            kind: if at < resimulation.states { "state" } else { "input" },
+            deviation: resimulation.deviations[at],
+            bounds: resimulation.bounds[at],
+            spread: resimulation.spreads[at],
             followed: all.followed(at),
             open_loop: all.open_loop(at),
         }
@@ -97,23 +102,23 @@ struct Episode<'a> {
 }
 
 impl<'a> Episode<'a> {
-    fn new(all: &'a Followed, own: &Resimulated, name: &'a str) -> Self {
-        let found = &all.found;
-        let by_column = |values: Vec<f64>| found.columns.iter().map(String::as_str).zip(values).collect();
-        let certificate = &own.certificate;
+    fn new(all: &'a Followed, resimulated: &Resimulated, name: &'a str) -> Self {
+        let resimulation = &all.found;
+        let by_column = |values: Vec<f64>| resimulation.columns.iter().map(String::as_str).zip(values).collect();
+        let certificate = &resimulated.certificate;
         Self {
             episode: name,
-            rows: own.rows.len(),
-            ending: match own.ending {
+            rows: resimulated.rows.len(),
+            ending: match resimulated.ending {
                 Ending::Minimum => "minimum",
                 Ending::Stalled => "stalled",
                 _ => "iterations",
             },
-            programs: own.programs,
+            programs: resimulated.programs,
             violation: Violation { dynamics: certificate.dynamics, bounds: certificate.bounds },
             stationarity: certificate.stationarity,
-            followed: by_column(found.deviations_of(own)),
-            open_loop: by_column(found.open_loop_deviations(own)),
+            followed: by_column(resimulation.deviations_of(resimulated)),
+            open_loop: by_column(resimulation.open_loop_deviations(resimulated)),
         }
     }
 }

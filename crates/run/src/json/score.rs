@@ -12,7 +12,7 @@ impl Scored {
     /// The scores for programs.
     pub fn to_json(&self) -> Value {
         let scores = &self.scores;
-        report(Told {
+        report(Content {
             rows: scores.rows,
             episodes: self.episodes,
             in_sample_episodes: &self.in_sample,
@@ -37,7 +37,7 @@ impl Scored {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     rows: u64,
     episodes: usize,
     in_sample_episodes: &'a [String],
@@ -101,7 +101,7 @@ impl<'a> From<&'a TargetScore> for Target<'a> {
             max: target.max,
             sigma: target.deviation,
             baselines: target.baselines.iter().map(Beside::from).collect(),
-            raw: target.raw.map(|own| Raw { rows: own.rows, mae: own.mae, rmse: own.rmse }),
+            raw: target.raw.map(|raw| Raw { rows: raw.rows, mae: raw.mae, rmse: raw.rmse }),
         }
     }
 }
@@ -118,14 +118,14 @@ struct Beside {
 }
 
 impl From<&BaselineScore> for Beside {
-    fn from(own: &BaselineScore) -> Self {
+    fn from(baseline_score: &BaselineScore) -> Self {
         Self {
-            name: own.baseline.name(),
-            rows: own.rows,
-            mae: own.mae,
-            rmse: own.rmse,
-            model_mae: own.model_mae,
-            model_rmse: own.model_rmse,
+            name: baseline_score.baseline.name(),
+            rows: baseline_score.rows,
+            mae: baseline_score.mae,
+            rmse: baseline_score.rmse,
+            model_mae: baseline_score.model_mae,
+            model_rmse: baseline_score.model_rmse,
         }
     }
 }
@@ -156,15 +156,15 @@ struct Episode<'a> {
 }
 
 impl<'a> From<&'a EpisodeScore> for Episode<'a> {
-    fn from(own: &'a EpisodeScore) -> Self {
+    fn from(episode_score: &'a EpisodeScore) -> Self {
         Self {
-            name: &own.name,
-            id: own.id.to_string(),
-            rows: own.rows,
-            in_training: own.in_training,
-            mae_over_null: &own.mae_over_null,
-            rmse: &own.rmse,
-            mahalanobis: own.mahalanobis,
+            name: &episode_score.name,
+            id: episode_score.id.to_string(),
+            rows: episode_score.rows,
+            in_training: episode_score.in_training,
+            mae_over_null: &episode_score.mae_over_null,
+            rmse: &episode_score.rmse,
+            mahalanobis: episode_score.mahalanobis,
         }
     }
 }

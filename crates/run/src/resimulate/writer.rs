@@ -36,31 +36,31 @@ fn column(values: &[f64], width: usize, at: usize) -> Vec<f64> {
 }
 
 fn write_table(path: &Path, model: &Model, followed: &Followed, logs: &Logs) -> Result<(), Error> {
-    let found = &followed.found;
+    let resimulation = &followed.found;
     let mut columns = vec![
         WriteColumn::new("episode", WriteKind::Text),
         WriteColumn::new("time", WriteKind::Stamp),
         WriteColumn::new("row", WriteKind::Integer),
     ];
-    for (at, (name, unit)) in found.columns.iter().zip(&followed.units).enumerate() {
+    for (at, (name, unit)) in resimulation.columns.iter().zip(&followed.units).enumerate() {
         let mut names = vec![name.clone(), format!("{name} measured")];
-        names.extend((at < found.states).then(|| format!("{name} open loop")));
+        names.extend((at < resimulation.states).then(|| format!("{name} open loop")));
         for name in names {
             let column = WriteColumn::new(name, WriteKind::Float);
             columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit)));
         }
     }
     let mut writer = TableWriter::create(path, columns, &table_options(model, logs))?;
-    for (own, name) in found.episodes.iter().zip(&followed.names) {
-        let names = vec![name.as_str(); own.rows.len()];
-        let rows: Vec<i64> = own.rows.iter().map(|&row| row as i64).collect();
-        let width = found.columns.len();
+    for (episode, name) in resimulation.episodes.iter().zip(&followed.names) {
+        let names = vec![name.as_str(); episode.rows.len()];
+        let rows: Vec<i64> = episode.rows.iter().map(|&row| row as i64).collect();
+        let width = resimulation.columns.len();
         let mut numbers = Vec::new();
         for at in 0..width {
-            numbers.extend([column(&own.followed, width, at), column(&own.recorded, width, at)]);
-            numbers.extend((at < found.states).then(|| column(&own.open_loop, found.states, at)));
+            numbers.extend([column(&episode.followed, width, at), column(&episode.recorded, width, at)]);
+            numbers.extend((at < resimulation.states).then(|| column(&episode.open_loop, resimulation.states, at)));
         }
-        let mut values = vec![Values::Text(&names), Values::Integer(&own.stamps), Values::Integer(&rows)];
+        let mut values = vec![Values::Text(&names), Values::Integer(&episode.stamps), Values::Integer(&rows)];
         values.extend(numbers.iter().map(|column| Values::Float(column)));
         writer.write(&values)?;
     }
@@ -76,20 +76,24 @@ fn write_messages(
     followed: &Followed,
     logs: &Logs,
 ) -> Result<(), Error> {
-    let found = &followed.found;
+    let resimulation = &followed.found;
     let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
-    let states = &found.columns[..found.states];
-    let measured = overlay.joint_state(TOPICS[0], &found.columns, "")?;
-    let followed = overlay.joint_state(TOPICS[1], &found.columns, "")?;
+    let states = &resimulation.columns[..resimulation.states];
+    let measured = overlay.joint_state(TOPICS[0], &resimulation.columns, "")?;
+    let followed = overlay.joint_state(TOPICS[1], &resimulation.columns, "")?;
     let open_loop = overlay.joint_state(TOPICS[2], states, "")?;
-    let mut order: Vec<&Resimulated> = found.episodes.iter().collect();
-    order.sort_by_key(|own| own.episode);
-    for own in order {
-        for (k, &stamp) in own.stamps.iter().enumerate() {
-            let log_time = stamp.saturating_add(log_offset(own.episode));
-            let series =
-                [(measured, &own.recorded, found.columns.len()), (followed, &own.followed, found.columns.len())];
-            for (series, values, width) in series.into_iter().chain([(open_loop, &own.open_loop, found.states)]) {
+    let mut order: Vec<&Resimulated> = resimulation.episodes.iter().collect();
+    order.sort_by_key(|order| order.episode);
+    for order in order {
+        for (k, &stamp) in order.stamps.iter().enumerate() {
+            let log_time = stamp.saturating_add(log_offset(order.episode));
+            let series = [
+                (measured, &order.recorded, resimulation.columns.len()),
+                (followed, &order.followed, resimulation.columns.len()),
+            ];
+            for (series, values, width) in
+                series.into_iter().chain([(open_loop, &order.open_loop, resimulation.states)])
+            {
                 let values = &values[k * width..(k + 1) * width];
                 if values.iter().any(|value| value.is_finite()) {
                     overlay.row(series, stamp, log_time, values)?;
@@ -105,9 +109,9 @@ fn write_messages(
     };
     let plot = |(place, name): (usize, &String)| {
         let mut lines = vec![line(TOPICS[0], place, name, "measured"), line(TOPICS[1], place, name, "followed")];
-        lines.extend((place < found.states).then(|| line(TOPICS[2], place, name, "open loop")));
+        lines.extend((place < resimulation.states).then(|| line(TOPICS[2], place, name, "open loop")));
         Plot { title: name.clone(), lines }
     };
-    let plots: Vec<Plot> = found.columns.iter().enumerate().map(plot).collect();
+    let plots: Vec<Plot> = resimulation.columns.iter().enumerate().map(plot).collect();
     finish_with_layouts(overlay, path, &plots)
 }
