@@ -67,34 +67,34 @@ pub struct PassivePort {
 }
 
 impl From<&Stability> for BoundedMaps {
-    fn from(found: &Stability) -> Self {
-        let each = |of: fn(&StableRegion) -> f64| found.regions.iter().map(of).collect();
+    fn from(stability: &Stability) -> Self {
+        let each = |of: fn(&StableRegion) -> f64| stability.regions.iter().map(of).collect();
         Self {
-            bound: found.bound,
-            variables: found.variables.clone(),
-            inputs: found.inputs.clone(),
-            metric: found.metric.clone(),
-            moved: found.moved(),
+            bound: stability.bound,
+            variables: stability.variables.clone(),
+            inputs: stability.inputs.clone(),
+            metric: stability.metric.clone(),
+            moved: stability.moved(),
             free_radii: each(|one| one.free_radius),
             free_norms: each(|one| one.free_norm),
             radii: each(|one| one.radius),
             norms: each(|one| one.norm),
             gaps: each(|one| one.gap),
-            passivity: found.passivity.as_ref().map(PassiveMaps::from),
+            passivity: stability.passivity.as_ref().map(PassiveMaps::from),
         }
     }
 }
 
 impl From<&Passivity> for PassiveMaps {
-    fn from(found: &Passivity) -> Self {
+    fn from(passivity: &Passivity) -> Self {
         let port = |port: &fleetfoot_pwa::Port| PassivePort {
             input: port.input.clone(),
             state: port.output.clone(),
             shortage: port.shortage,
         };
-        let each = |of: fn(&PassiveRegion) -> f64| found.regions.iter().map(of).collect();
+        let each = |of: fn(&PassiveRegion) -> f64| passivity.regions.iter().map(of).collect();
         Self {
-            ports: found.ports.iter().map(port).collect(),
+            ports: passivity.ports.iter().map(port).collect(),
             free_norms: each(|one| one.free),
             norms: each(|one| one.norm),
         }
@@ -158,10 +158,10 @@ impl BoundedCandidate {
         Some(self.row([shortages, free, norm]))
     }
 
-    fn row(&self, own: [String; 3]) -> Vec<String> {
+    fn row(&self, cells: [String; 3]) -> Vec<String> {
         let moved = format!("{} of {}", self.maps.moved, self.maps.norms.len());
         let begun = [self.partition.clone(), moved].into_iter();
-        begun.chain(own).chain([ratio(self.free_loss), ratio(self.loss)]).collect()
+        begun.chain(cells).chain([ratio(self.free_loss), ratio(self.loss)]).collect()
     }
 }
 

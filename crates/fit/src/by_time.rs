@@ -29,7 +29,11 @@ pub struct TargetByTime {
 
 impl TargetByTime {
     pub(crate) fn new(target: &TargetScore) -> Self {
-        let mean = target.baselines.iter().find(|own| own.baseline == Baseline::Null).map_or(f64::NAN, |own| own.rmse);
+        let mean = target
+            .baselines
+            .iter()
+            .find(|baseline| baseline.baseline == Baseline::Null)
+            .map_or(f64::NAN, |baseline| baseline.rmse);
         Self { target: target.name.clone(), rmse: target.rmse, share: (target.rmse / mean).powi(2) }
     }
 }
@@ -37,17 +41,17 @@ impl TargetByTime {
 impl ByTime {
     /// The errors beside those of spans that were held out in turn, each a share of the squared error of the mean, and the worse of both.
     pub fn in_words(&self, by_spans: impl Fn(&str) -> Option<f64>) -> String {
-        let told = |own: &TargetByTime| match by_spans(&own.target).filter(|share| share.is_finite()) {
+        let sentence = |by_target: &TargetByTime| match by_spans(&by_target.target).filter(|share| share.is_finite()) {
             Some(spans) => {
-                let worse = short(own.share.max(spans));
-                format!("{} {} (spans {}; the worse {worse})", own.target, short(own.share), short(spans))
+                let worse = short(by_target.share.max(spans));
+                format!("{} {} (spans {}; the worse {worse})", by_target.target, short(by_target.share), short(spans))
             }
-            None => format!("{} {}", own.target, short(own.share)),
+            None => format!("{} {}", by_target.target, short(by_target.share)),
         };
         format!(
             "held out by time, the last {} rows, squared error over that of the mean: {}",
             self.rows,
-            self.targets.iter().map(told).collect::<Vec<_>>().join(", ")
+            self.targets.iter().map(sentence).collect::<Vec<_>>().join(", ")
         )
     }
 }

@@ -10,8 +10,8 @@ pub(crate) fn notes(
     targets: &[(String, Option<Concentration>)],
     name: impl Fn(EpisodeId) -> Option<String>,
 ) -> Vec<String> {
-    let note = |(target, found): &(String, Option<Concentration>)| {
-        let Concentration { rows, squares, place: (episode, stretch) } = found.as_ref()?;
+    let note = |(target, concentration): &(String, Option<Concentration>)| {
+        let Concentration { rows, squares, place: (episode, stretch) } = concentration.as_ref()?;
         Some(format!(
             "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: from row {} of {} on); least squares mostly fit these rows. If they are a fall, a collision or a gross error, leave them out ({WHERE}, {PREPARE})",
             100.0 * rows,

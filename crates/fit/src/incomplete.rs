@@ -24,9 +24,9 @@ pub(crate) fn incomplete_rows(incomplete: u64, dataset: &Dataset, read: Vec<Expr
     if incomplete == 0 {
         return Ok(Vec::new());
     }
-    let mut told = vec![sentence(incomplete, &dataset.view()?, &read)?];
-    told.extend(not_finite::explain(dataset, read)?);
-    Ok(told)
+    let mut notes = vec![sentence(incomplete, &dataset.view()?, &read)?];
+    notes.extend(not_finite::explain(dataset, read)?);
+    Ok(notes)
 }
 
 /// Note if the regions of a partition have fewer rows than the `complete` ones that other partitions are fitted on.
@@ -59,8 +59,8 @@ fn first_missing(source: &dyn Source, read: &[Expr]) -> Result<Option<(Vec<Strin
             let gap = |&column: &usize| block.core(column).iter().position(|value| !value.is_finite());
             let Some(row) = columns.iter().filter_map(gap).min() else { continue };
             let lacks = |column: &&usize| !block.core(**column)[row].is_finite();
-            let found = columns.iter().filter(lacks).map(|&column| format!("`{}`", source.columns()[column].name));
-            return Ok(Some((found.collect(), from + row, episode.name.clone())));
+            let names = columns.iter().filter(lacks).map(|&column| format!("`{}`", source.columns()[column].name));
+            return Ok(Some((names.collect(), from + row, episode.name.clone())));
         }
     }
     Ok(None)

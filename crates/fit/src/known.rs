@@ -126,10 +126,10 @@ fn moments(view: &dyn Source, expressions: &[Expr], progress: &dyn Progress) -> 
         design.halo(),
         progress,
         || (Gram::new(expressions.len()), DesignRows::default()),
-        |(sum, found), _, block, rows| -> Result<(), Error> {
-            design.evaluate(block, rows, found);
-            if found.rows() > 0 {
-                let columns: Vec<&[f64]> = (0..expressions.len()).map(|j| found.output(j)).collect();
+        |(sum, complete), _, block, rows| -> Result<(), Error> {
+            design.evaluate(block, rows, complete);
+            if complete.rows() > 0 {
+                let columns: Vec<&[f64]> = (0..expressions.len()).map(|j| complete.output(j)).collect();
                 sum.merge(&Gram::of_columns(&columns, None));
             }
             Ok(())

@@ -17,13 +17,14 @@ const SHARE: usize = 5;
 pub(crate) fn by_time<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,
-    found: &M::Found,
+    solution: &M::Found,
     smoothed: usize,
     progress: &dyn Progress,
 ) -> Result<Option<ByTime>, Error> {
     let rows = data.rows()?;
     let (train, test) = Spans::last(rows, SHARE, smoothed)?;
-    let Some(model) = method.held_out_by_time(Data { rows: Some(&train), kept: None, ..data }, found, progress) else {
+    let Some(model) = method.held_out_by_time(Data { rows: Some(&train), kept: None, ..data }, solution, progress)
+    else {
         return Ok(None);
     };
     let model = match model {

@@ -105,14 +105,14 @@ impl LimitReport {
                 _ => "everywhere".to_owned(),
             };
             let free = limit.free_nearest.map_or_else(|| "-".into(), |free| format!("{free:.3e}"));
-            let told = [
+            let cells = [
                 limit.name.clone(),
                 format!("{} {}", limit.side, number(limit.bound)),
                 format!("{:.3e}", limit.nearest),
                 place,
                 limit.cuts.to_string(),
             ];
-            told.into_iter().chain(with_free.then_some(free)).collect()
+            cells.into_iter().chain(with_free.then_some(free)).collect()
         };
         let header = ["kept", "bound", "nearest by", "at", "cuts"].into_iter();
         TextTable {

@@ -87,9 +87,9 @@ impl<R> Fitted<R> {
 
     /// The files of this model and its rivals: beside `model.json` there is `model_kmeans10.json`.
     pub fn files(&self, model: &Path) -> Vec<PathBuf> {
-        let own = self.file(model);
-        let rivals: Vec<PathBuf> = self.rivals.iter().map(|rival| beside(&own, &rival.name)).collect();
-        std::iter::once(own).chain(rivals).collect()
+        let file = self.file(model);
+        let rivals: Vec<PathBuf> = self.rivals.iter().map(|rival| beside(&file, &rival.name)).collect();
+        std::iter::once(file).chain(rivals).collect()
     }
 
     /// Writes the model and its rivals, all or none, and returns the files.
@@ -283,8 +283,8 @@ pub trait Method: Sized {
     fn trials(&self, data: Data<'_, Self::Task>, progress: &dyn Progress) -> Result<Vec<(String, Model)>, Error> {
         let mut notes = Vec::new();
         let sums = self.sum(data, &mut notes, progress)?;
-        let found = self.find(data, &sums, &mut notes, progress)?;
-        Ok(found.iter().map(|found| (Self::NAME.to_owned(), Self::model(found).clone())).collect())
+        let solutions = self.find(data, &sums, &mut notes, progress)?;
+        Ok(solutions.iter().map(|solution| (Self::NAME.to_owned(), Self::model(solution).clone())).collect())
     }
 
     /// Takes the candidate of this index among the trials as chosen.
@@ -343,14 +343,14 @@ pub trait Method: Sized {
     ) -> Result<Vec<Self::Found>, Error>;
 
     /// The chosen model.
-    fn model(found: &Self::Found) -> &Model;
+    fn model(solution: &Self::Found) -> &Model;
 
     /// The model of one step that a fit to simulations begins with, and the set that it keeps.
     ///
     /// # Errors
     /// Those of posing the set.
-    fn beginning(&self, _data: Data<'_, Self::Task>, found: &Self::Found) -> Result<Beginning, Error> {
-        Ok((Self::model(found).clone(), None))
+    fn beginning(&self, _data: Data<'_, Self::Task>, solution: &Self::Found) -> Result<Beginning, Error> {
+        Ok((Self::model(solution).clone(), None))
     }
 
     /// The chosen candidate fitted to other rows, as a beginning.
@@ -385,10 +385,10 @@ pub trait Method: Sized {
     fn same_terms(
         &self,
         data: Data<'_, Self::Task>,
-        found: &Self::Found,
+        solution: &Self::Found,
         progress: &dyn Progress,
     ) -> Result<Model, Error> {
-        Ok(self.again(data, found, progress)?.0)
+        Ok(self.again(data, solution, progress)?.0)
     }
 
     /// Takes the coefficients of a fit to simulations if it is the better one, and reports their bounds.
@@ -399,7 +399,7 @@ pub trait Method: Sized {
         &self,
         data: Data<'_, Self::Task>,
         sums: &Self::Sums,
-        found: &mut Self::Found,
+        solution: &mut Self::Found,
         refinement: &mut Refinement,
     ) -> Result<(), Error>;
 
@@ -407,7 +407,7 @@ pub trait Method: Sized {
     fn expressions(&self, task: &Self::Task) -> Vec<Expr>;
 
     /// Facts about the rows.
-    fn facts(&self, data: Data<'_, Self::Task>, sums: &Self::Sums, found: &Self::Found) -> RowFacts;
+    fn facts(&self, data: Data<'_, Self::Task>, sums: &Self::Sums, solution: &Self::Found) -> RowFacts;
 
     /// The fit with its report.
     ///
@@ -417,7 +417,7 @@ pub trait Method: Sized {
         &self,
         data: Data<'_, Self::Task>,
         sums: &Self::Sums,
-        found: Self::Found,
+        solution: Self::Found,
         summary: FitSummary,
         progress: &dyn Progress,
     ) -> Result<Fitted<Self::Report>, Error>;

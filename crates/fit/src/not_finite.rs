@@ -46,14 +46,14 @@ pub(crate) fn explain(dataset: &Dataset, functions: impl IntoIterator<Item = Exp
             of_aliases.push((format!("`{function}`"), function));
         }
     }
-    let mut told = first_of_each(dataset.source(), &aliases)?;
-    told.extend(first_of_each(&view, &of_aliases)?);
-    let more = told.len().saturating_sub(MOST_TOLD);
-    told.truncate(MOST_TOLD);
+    let mut notes = first_of_each(dataset.source(), &aliases)?;
+    notes.extend(first_of_each(&view, &of_aliases)?);
+    let more = notes.len().saturating_sub(MOST_TOLD);
+    notes.truncate(MOST_TOLD);
     if more > 0 {
-        told.push(format!("{more} more expressions have no finite value in some rows"));
+        notes.push(format!("{more} more expressions have no finite value in some rows"));
     }
-    Ok(told)
+    Ok(notes)
 }
 
 /// An error with a possible reason: rows that an expression has made useless.
@@ -98,7 +98,7 @@ pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
             }
         }
     }
-    let mut told = Vec::new();
+    let mut notes = Vec::new();
     let worst = missing.iter().zip(source.columns()).max_by_key(|(count, _)| **count);
     if let Some((&count, column)) = worst.filter(|(count, _)| SHARE * **count >= rows.max(1)) {
         let name = &column.name;
@@ -112,16 +112,16 @@ pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
                 BASE.to(topic)
             )
         });
-        told.push(format!("`{name}` is missing in {count} of {rows} rows{}", mend.unwrap_or_default()));
+        notes.push(format!("`{name}` is missing in {count} of {rows} rows{}", mend.unwrap_or_default()));
     }
     let episodes = source.episodes().len();
     if episodes > 1 && rows < FEW * episodes {
-        told.push(format!(
+        notes.push(format!(
             "gaps cut the {rows} rows into {episodes} episodes: {given_max_gap} joins rows across shorter gaps",
             given_max_gap = MAX_GAP.to("SECONDS")
         ));
     }
-    Ok(told)
+    Ok(notes)
 }
 
 /// For every expression over the columns of a source that has no finite value where it could, a sentence about the first such row.
@@ -129,7 +129,7 @@ fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<
     let columns: Vec<(Column, Expr)> =
         expressions.iter().map(|(label, expression)| (Column::float(label), expression.clone())).collect();
     let seen = View::new(source, &columns)?;
-    let mut told: Vec<Option<String>> = vec![None; expressions.len()];
+    let mut notes: Vec<Option<String>> = vec![None; expressions.len()];
     let mut tried = vec![0; expressions.len()];
     let mut left = MOST_ROWS;
     let rows = (VALUES / expressions.len().max(1)).clamp(1, ROWS);
@@ -139,7 +139,7 @@ fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<
             left -= range.len();
             let values = seen.read(episode, range.clone(), Halo::default())?;
             for (at, (label, expression)) in expressions.iter().enumerate() {
-                let open = told[at].is_none() && tried[at] < MOST_TRIED;
+                let open = notes[at].is_none() && tried[at] < MOST_TRIED;
                 if !open || values.core(at).iter().all(|value| value.is_finite()) {
                     continue;
                 }
@@ -149,14 +149,14 @@ fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<
                     let reason = reason(expression, source, &block, row)?;
                     Some(format!("{label} is {reason} in row {} of {}", block.first + row + 1, info.name))
                 });
-                told[at] = reason;
+                notes[at] = reason;
             }
             if left == 0 {
                 break;
             }
         }
     }
-    Ok(told.into_iter().flatten().collect())
+    Ok(notes.into_iter().flatten().collect())
 }
 
 /// The neighbours that an expression reads.
@@ -174,7 +174,7 @@ fn reason(expression: &Expr, source: &dyn Source, block: &Block, row: usize) -> 
         rows.contains(&at).then_some(at as usize)
     };
     let seconds = block.seconds();
-    let mut found = None;
+    let mut reason = None;
     let mut missing = false;
     expression.fold(|part, arguments: &[f64]| {
         let value = match part.node() {
@@ -190,12 +190,12 @@ fn reason(expression: &Expr, source: &dyn Source, block: &Block, row: usize) -> 
         };
         let is_leaf = arguments.is_empty();
         missing |= is_leaf && value.is_nan();
-        if found.is_none() && !value.is_finite() && arguments.iter().all(|argument| argument.is_finite()) {
-            found = Some(happened(part, arguments, value));
+        if reason.is_none() && !value.is_finite() && arguments.iter().all(|argument| argument.is_finite()) {
+            reason = Some(happened(part, arguments, value));
         }
         value
     });
-    found.filter(|_| !missing)
+    reason.filter(|_| !missing)
 }
 
 fn happened(part: &Expr, arguments: &[f64], value: f64) -> String {

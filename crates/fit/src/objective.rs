@@ -44,9 +44,9 @@ pub(crate) fn rule(objective: Objective, free: usize) -> Option<RolloutRule> {
 /// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step. `many`: of more than 2,000 coefficients, or of maps that are bounded.
 pub(crate) fn passes(objective: Objective, fit: usize, many: bool) -> usize {
     rule(objective, 1).map_or(0, |rule| {
-        let own = SimulationOptions::new(rule.horizon).passes(0, many);
+        let passes = SimulationOptions::new(rule.horizon).passes(0, many);
         // The training rows of a fold are fewer, so that its passes are less than the fit's own.
-        own + rule.folds * (fit + own)
+        passes + rule.folds * (fit + passes)
     })
 }
 
@@ -173,12 +173,12 @@ impl HeldOutErrors {
             options.method = Method::Rk4;
             rule.simulated(model, held, &Starts::Even(rule.rule().starts), &options)
         };
-        let found = simulated(rule.rule().horizon)?;
+        let refined = simulated(rule.rule().horizon)?;
         Ok(Self {
-            rollouts: found.share,
-            far: if far > rule.rule().horizon { simulated(far)?.share } else { found.share },
-            ended: found.ended,
-            starts: found.starts,
+            rollouts: refined.share,
+            far: if far > rule.rule().horizon { simulated(far)?.share } else { refined.share },
+            ended: refined.ended,
+            starts: refined.starts,
             one_step: score(model, held, &ScoreOptions::default(), &Silent)?,
         })
     }
@@ -217,8 +217,8 @@ fn fitted(
 /// that of the one-step model. If all are higher, the one of the least such error.
 fn chosen(weights: &[WeightErrors], one_far: f64) -> usize {
     let key = |at: &usize| {
-        let own = &weights[*at];
-        if own.far <= one_far { (0, own.rollouts) } else { (1, own.far) }
+        let weight = &weights[*at];
+        if weight.far <= one_far { (0, weight.rollouts) } else { (1, weight.far) }
     };
     let least = |a: &usize, b: &usize| {
         let (a, b) = (key(a), key(b));
@@ -275,7 +275,7 @@ pub(crate) fn refine(
             true => vec![(None, before.0.clone())],
             false => fitted(objective, before, (rule.horizon, most), train, progress)?
                 .into_iter()
-                .map(|found| (found.weight, found.model))
+                .map(|refinement| (refinement.weight, refinement.model))
                 .collect(),
         };
         let errors = |model: &Model| HeldOutErrors::of(model, rows, &held, far);
@@ -340,7 +340,7 @@ fn weights(trials: &[Trial]) -> Vec<WeightErrors> {
     };
     let of = |at: usize| {
         let weight = trials.first().and_then(|trial| trial.simulated[at].0)?;
-        Some(WeightErrors { weight, rollouts: mean(at, |own| own.rollouts), far: mean(at, |own| own.far) })
+        Some(WeightErrors { weight, rollouts: mean(at, |errors| errors.rollouts), far: mean(at, |errors| errors.far) })
     };
     (0..count).map_while(of).collect()
 }

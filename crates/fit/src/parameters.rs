@@ -85,7 +85,7 @@ pub struct Parameters {
 pub struct Estimated {
     /// The model with the names of parameters in its equations.
     open: Model,
-    found: Found,
+    estimate: Found,
     /// Without `[constraints]`, where there are any.
     free: Option<Found>,
     held_out: Option<ParametersHeldOut>,
@@ -179,19 +179,19 @@ impl Method for Parameters {
         let method = format!("parameters {}", report::word(options.method));
         // With the names of parameters in its equations.
         let open = given(&method, data.recipe, task.known.clone(), (rows, data.step), progress)?;
-        let found = estimate(task, &task.limits, &open, rows, &options, progress)?;
+        let estimated = estimate(task, &task.limits, &open, rows, &options, progress)?;
         let free = match task.limits.is_empty() {
             true => None,
             false => free(estimate(task, &[], &open, rows, &options, progress), notes)?,
         };
         let smoothed = smoothed_rows(options.smoothed, data.step);
-        let held_out = held_out::held_out(task, &open, &found, (rows, smoothed), &options, notes, progress)?;
-        let model = closed(&open, task, &found);
-        Ok(vec![Estimated { open, found, free, held_out, model }])
+        let held_out = held_out::held_out(task, &open, &estimated, (rows, smoothed), &options, notes, progress)?;
+        let model = closed(&open, task, &estimated);
+        Ok(vec![Estimated { open, estimate: estimated, free, held_out, model }])
     }
 
-    fn model(found: &Estimated) -> &Model {
-        &found.model
+    fn model(estimated: &Estimated) -> &Model {
+        &estimated.model
     }
 
     /// Does nothing: the estimate itself is a fit to simulations.
@@ -211,12 +211,12 @@ impl Method for Parameters {
         &self,
         data: Data<'_, ParametersTask>,
         (): &(),
-        found: Estimated,
+        estimated: Estimated,
         summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<ParametersReport>, Error> {
-        let Estimated { open, found, free, held_out, model } = found;
-        let report = report(data.task, &open, (&found, free.as_ref()), held_out, summary);
+        let Estimated { open, estimate: estimated, free, held_out, model } = estimated;
+        let report = report(data.task, &open, (&estimated, free.as_ref()), held_out, summary);
         Ok(Fitted { value: None, model, rivals: Vec::new(), report })
     }
 }
@@ -229,12 +229,12 @@ fn no_rows() -> Error {
 }
 
 /// Estimate without constraints; `None`, with a note, if it fails.
-fn free(found: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<Found>, Error> {
-    match found {
-        Ok(found) => Ok(Some(found)),
+fn free(estimate: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<Found>, Error> {
+    match estimate {
+        Ok(estimate) => Ok(Some(estimate)),
         Err(error @ Error::Cancelled(_)) => Err(error),
         Err(error) => {
-            notes.push(format!("without {CONSTRAINTS} nothing is found: {error}"));
+            notes.push(format!("without {CONSTRAINTS} there is no estimate: {error}"));
             Ok(None)
         }
     }
@@ -243,7 +243,7 @@ fn free(found: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<F
 /// The states that are compared, a rotation by its parts.
 fn written_out(compare: &[String], columns: &[Column]) -> Vec<String> {
     let parts = |name: &String| -> Vec<String> {
-        let is_part = |column: &&Column| column.rotation.as_ref().is_some_and(|own| own.group == *name);
+        let is_part = |column: &&Column| column.rotation.as_ref().is_some_and(|rotation| rotation.group == *name);
         let parts: Vec<String> = columns.iter().filter(is_part).map(|column| column.name.clone()).collect();
         if parts.is_empty() { vec![name.clone()] } else { parts }
     };
@@ -270,7 +270,7 @@ fn estimate(
     }
     // What the rows say one by one is a second place to begin; where they say nothing, there is one.
     let starts = match by_equations(task, limits, source, progress) {
-        Ok(found) => vec![found.estimate.values],
+        Ok(refitted) => vec![refitted.estimate.values],
         Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
         Err(_) => Vec::new(),
     };
@@ -334,29 +334,30 @@ fn by_filter(
     (starts, gains): (Vec<Vec<f64>>, Gains),
     progress: &dyn Progress,
 ) -> Result<FilterError, EstimateError> {
-    let mut own = FilterErrorOptions::default();
-    (own.simulation, own.gains) = (simulated(options, starts), gains);
-    filter_error(open, Bounded::new(&task.bounded(), limits), source, &own, progress)
+    let mut filter_error_options = FilterErrorOptions::default();
+    (filter_error_options.simulation, filter_error_options.gains) = (simulated(options, starts), gains);
+    filter_error(open, Bounded::new(&task.bounded(), limits), source, &filter_error_options, progress)
 }
 
 fn simulated(options: &EstimateOptions, starts: Vec<Vec<f64>>) -> OutputErrorOptions {
-    let mut own = OutputErrorOptions::default();
-    (own.rows, own.outputs, own.starts) = (options.segment, options.compare.clone(), starts);
-    own
+    let mut output_error_options = OutputErrorOptions::default();
+    (output_error_options.rows, output_error_options.outputs, output_error_options.starts) =
+        (options.segment, options.compare.clone(), starts);
+    output_error_options
 }
 
 /// The model with values in place of the parameters.
-fn closed(open: &Model, task: &ParametersTask, found: &Found) -> Model {
+fn closed(open: &Model, task: &ParametersTask, estimate: &Found) -> Model {
     let mut model = open.clone();
-    let values = found.values();
+    let values = estimate.values();
     for equation in &mut model.equations {
         equation.right = task.insert(&equation.right, values);
     }
     let names = task.parameters.iter().map(|parameter| parameter.name.clone());
-    let described = names.zip(values).zip(found.half_widths());
+    let described = names.zip(values).zip(estimate.half_widths());
     model.training.parameters =
         described.map(|((name, &value), half_width)| EstimatedNumber { name, value, half_width }).collect();
-    model.training.parameter_covariance = packed(&found.covariance());
+    model.training.parameter_covariance = packed(&estimate.covariance());
     model
 }
 

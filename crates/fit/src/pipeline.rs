@@ -142,15 +142,16 @@ fn of_logs<M: Method>(
     };
     let step = dataset.step() * method.every() as f64;
     let data = Data { recipe, task, rows: Some(rows), kept, step };
-    let found = method
+    let solutions = method
         .find(data, &sums, &mut notes, progress)
         .map_err(|error| not_finite::with_reasons(error, dataset, method.expressions(task)))?;
-    let named = |id: EpisodeId| dataset.episodes().iter().find(|own| own.id == id).map(|own| own.name.clone());
-    let mut fitted = Vec::with_capacity(found.len());
-    for mut found in found {
-        refuse_not_finite(M::model(&found))?;
-        let refinement = refined(&method, data, &sums, &mut found, progress)?;
-        let facts = method.facts(data, &sums, &found);
+    let named =
+        |id: EpisodeId| dataset.episodes().iter().find(|episode| episode.id == id).map(|episode| episode.name.clone());
+    let mut fitted = Vec::with_capacity(solutions.len());
+    for mut solution in solutions {
+        refuse_not_finite(M::model(&solution))?;
+        let refinement = refined(&method, data, &sums, &mut solution, progress)?;
+        let facts = method.facts(data, &sums, &solution);
         let mut said = dataset.notes().to_vec();
         said.extend(notes.iter().cloned());
         let incomplete = facts.left_out.get(1).copied().unwrap_or(0);
@@ -158,9 +159,9 @@ fn of_logs<M: Method>(
         said.extend(concentration::notes(&facts.concentrated, named));
         said.extend(objective::note(method.objective(), refinement.as_ref()));
         // The model of simulations is another one, and `auto` has a test of its own.
-        let one_step = refinement.as_ref().is_none_or(|own| !own.written);
+        let one_step = refinement.as_ref().is_none_or(|refinement| !refinement.written);
         let by_time = match one_step && simulations.is_none() {
-            true => last_rows::by_time(&method, data, &found, smoothed_rows(recipe.time.smoothed, step), progress)?,
+            true => last_rows::by_time(&method, data, &solution, smoothed_rows(recipe.time.smoothed, step), progress)?,
             false => None,
         };
         let summary = FitSummary {
@@ -170,14 +171,14 @@ fn of_logs<M: Method>(
             rollouts: rollouts.clone(),
             refinement,
             by_time,
-            baselines: baselines(M::model(&found), rows, progress)?,
+            baselines: baselines(M::model(&solution), rows, progress)?,
             notes: said,
         };
         let folds = match simulations {
-            Some(wanted) => simulated_folds(&method, data, &found, wanted, progress)?,
+            Some(wanted) => simulated_folds(&method, data, &solution, wanted, progress)?,
             None => FoldSimulations::HeldOut(Vec::new()),
         };
-        fitted.push((method.report(data, &sums, found, summary, progress)?, folds));
+        fitted.push((method.report(data, &sums, solution, summary, progress)?, folds));
     }
     Ok(fitted)
 }
@@ -194,9 +195,9 @@ fn of_statistic<M: Method>(
     let data = Data { recipe, task: &task, rows: None, kept: None, step: file.step() };
     let named = |id: EpisodeId| file.episode(id).map(|episode| episode.name.clone());
     let mut fitted = Vec::new();
-    for found in method.find(data, &sums, &mut notes, progress)? {
-        refuse_not_finite(M::model(&found))?;
-        let facts = method.facts(data, &sums, &found);
+    for solution in method.find(data, &sums, &mut notes, progress)? {
+        refuse_not_finite(M::model(&solution))?;
+        let facts = method.facts(data, &sums, &solution);
         let mut said = notes.clone();
         said.extend(concentration::notes(&facts.concentrated, named));
         let summary = FitSummary {
@@ -206,7 +207,7 @@ fn of_statistic<M: Method>(
             notes: said,
             ..FitSummary::default()
         };
-        fitted.push(method.report(data, &sums, found, summary, progress)?);
+        fitted.push(method.report(data, &sums, solution, summary, progress)?);
     }
     Ok(fitted)
 }
@@ -230,10 +231,10 @@ fn by_rollouts<M: Method>(
         let (mut names, mut sizes) = (Vec::new(), Vec::new());
         let errors = held.errors(progress, |train| {
             let data = Data { recipe, task: &task, rows: Some(train), kept: None, step };
-            let (own, models): (Vec<String>, Vec<Model>) = method.trials(data, progress)?.into_iter().unzip();
+            let (labels, models): (Vec<String>, Vec<Model>) = method.trials(data, progress)?.into_iter().unzip();
             sizes.resize(models.len(), 0);
             sizes.iter_mut().zip(&models).for_each(|(size, model)| *size = terms(model).max(*size));
-            names = own;
+            names = labels;
             Ok(models)
         })?;
         compared.extend(names.into_iter().zip(sizes).zip(errors).map(|((partition, size), folds)| RolloutCandidate {
@@ -251,7 +252,7 @@ fn refined<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,
     sums: &M::Sums,
-    found: &mut M::Found,
+    solution: &mut M::Found,
     progress: &dyn Progress,
 ) -> Result<Option<Refinement>, Error> {
     let (objective, Some(rows)) = (method.objective(), data.rows) else { return Ok(None) };
@@ -259,11 +260,11 @@ fn refined<M: Method>(
         return Ok(None);
     }
     let smoothed = smoothed_rows(data.recipe.time.smoothed, data.step);
-    let beginning = method.beginning(data, found)?;
-    let again = |train: &dyn Source| method.again(Data { rows: Some(train), kept: None, ..data }, found, progress);
+    let beginning = method.beginning(data, solution)?;
+    let again = |train: &dyn Source| method.again(Data { rows: Some(train), kept: None, ..data }, solution, progress);
     let mut refinement = objective::refine(objective, &beginning, (rows, smoothed), progress, again)?;
     if let Some(refinement) = &mut refinement {
-        method.refine(data, sums, found, refinement)?;
+        method.refine(data, sums, solution, refinement)?;
     }
     Ok(refinement)
 }

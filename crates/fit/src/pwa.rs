@@ -99,11 +99,11 @@ impl Method for Pwa {
                 .problem
                 .equations
                 .iter()
-                .filter(|own| own.target.is_some())
-                .map(|own| own.label())
+                .filter(|equation| equation.target.is_some())
+                .map(|equation| equation.label())
                 .collect(),
             candidates: task.problem.library.len() + centres,
-            regions: partitions.iter().map(|own| own.clusters().unwrap_or(1)).max().unwrap_or(1),
+            regions: partitions.iter().map(|partition| partition.clusters().unwrap_or(1)).max().unwrap_or(1),
             passes: cost.passes + choice_passes + usize::from(centres > 0),
             simulations: self.simulations(),
             smoothing: None,
@@ -128,7 +128,7 @@ impl Method for Pwa {
         let (dataset, mut task) = Dataset::for_recipe(recipe, &self.options.labels(), logs, progress)?;
         let view = dataset.view()?;
         let clustering = (self.options.identification.seed, &view as &dyn Source);
-        self.radial = radial::found(recipe, &task.variables, &task.problem, clustering, &mut self.notes, progress)?;
+        self.radial = radial::functions(recipe, &task.variables, &task.problem, clustering, &mut self.notes, progress)?;
         drop(view);
         task.problem.library.extend(self.radial.iter().flat_map(RadialFunctions::expressions));
         let rows = dataset.episodes().iter().map(|episode| episode.rows as u64).sum();
@@ -164,8 +164,8 @@ impl Method for Pwa {
     fn trials(&self, data: Data<'_, Task>, progress: &dyn Progress) -> Result<Vec<(String, Model)>, Error> {
         let mut trial = self.of(data);
         (trial.folds, trial.keep_all, trial.tsqr) = (0, true, false);
-        let found = fleetfoot_pwa::identify(&data.task.problem, &trial, data.rows()?, progress)?;
-        Ok(trial.partitions.iter().map(ToString::to_string).zip(found.models).collect())
+        let identification = fleetfoot_pwa::identify(&data.task.problem, &trial, data.rows()?, progress)?;
+        Ok(trial.partitions.iter().map(ToString::to_string).zip(identification.models).collect())
     }
 
     fn take(&mut self, trial: usize) {
@@ -184,7 +184,7 @@ impl Method for Pwa {
         progress: &dyn Progress,
     ) -> Result<Vec<Identification>, Error> {
         let (problem, options) = (&data.task.problem, self.of(data));
-        let mut found = match sums {
+        let mut identification = match sums {
             Some(summed) => summed.identify(problem, &options)?,
             None => {
                 let rows = data.rows()?;
@@ -193,7 +193,7 @@ impl Method for Pwa {
             }
         };
         let text = data.recipe.to_toml();
-        for model in std::iter::once(&mut found.model).chain(&mut found.models) {
+        for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
             model.training.recipe.clone_from(&text);
             if let Some(radial) = &self.radial {
                 radial.gather(model);
@@ -203,27 +203,33 @@ impl Method for Pwa {
         notes.extend(options::unused(data.recipe));
         if self.options.tried {
             // Candidates that the recipe did not name are no news, unless one of them is written.
-            let chosen = found.candidates[found.chosen].specification.to_string();
-            let others = found.partition_notes.iter().filter(|note| note.is_of_few_rows() && note.place != chosen);
+            let chosen = identification.candidates[identification.chosen].specification.to_string();
+            let others =
+                identification.partition_notes.iter().filter(|note| note.is_of_few_rows() && note.place != chosen);
             let others: Vec<String> = others.map(ToString::to_string).collect();
-            found.notes.retain(|note| !others.contains(note));
+            identification.notes.retain(|note| !others.contains(note));
         }
-        notes.append(&mut found.notes);
-        Ok(vec![found])
+        notes.append(&mut identification.notes);
+        Ok(vec![identification])
     }
 
-    fn model(found: &Identification) -> &Model {
-        &found.model
+    fn model(identification: &Identification) -> &Model {
+        &identification.model
     }
 
-    fn beginning(&self, data: Data<'_, Task>, found: &Identification) -> Result<Beginning, Error> {
-        let stability = found.candidates[found.chosen].stability.as_ref();
-        let hold = stability.map(|own| objective::Bound::new(&data.task.problem, own)).transpose()?;
-        Ok((found.model.clone(), hold.map(|hold| Box::new(hold) as Box<dyn Hold>)))
+    fn beginning(&self, data: Data<'_, Task>, identification: &Identification) -> Result<Beginning, Error> {
+        let stability = identification.candidates[identification.chosen].stability.as_ref();
+        let hold = stability.map(|stability| objective::Bound::new(&data.task.problem, stability)).transpose()?;
+        Ok((identification.model.clone(), hold.map(|hold| Box::new(hold) as Box<dyn Hold>)))
     }
 
-    fn again(&self, data: Data<'_, Task>, found: &Identification, progress: &dyn Progress) -> Result<Beginning, Error> {
-        let chosen = &found.candidates[found.chosen];
+    fn again(
+        &self,
+        data: Data<'_, Task>,
+        identification: &Identification,
+        progress: &dyn Progress,
+    ) -> Result<Beginning, Error> {
+        let chosen = &identification.candidates[identification.chosen];
         let mut trial = self.of(data);
         (trial.folds, trial.keep_all, trial.tsqr) = (0, false, false);
         trial.partitions = vec![chosen.specification.clone()];
@@ -234,28 +240,28 @@ impl Method for Pwa {
     fn held_out_by_time(
         &self,
         data: Data<'_, Task>,
-        found: &Identification,
+        identification: &Identification,
         progress: &dyn Progress,
     ) -> Option<Result<Model, Error>> {
-        found.held_out.then(|| Ok(self.again(data, found, progress)?.0))
+        identification.held_out.then(|| Ok(self.again(data, identification, progress)?.0))
     }
 
     fn refine(
         &self,
         data: Data<'_, Task>,
         _: &Self::Sums,
-        found: &mut Identification,
+        identification: &mut Identification,
         refinement: &mut Refinement,
     ) -> Result<(), Error> {
-        if let Some(stability) = &found.candidates[found.chosen].stability {
+        if let Some(stability) = &identification.candidates[identification.chosen].stability {
             let bound = objective::Bound::new(&data.task.problem, stability)?;
-            refinement.bound = Some(bound.told(stability, &refinement.fitted.model));
+            refinement.bound = Some(bound.stability_of(stability, &refinement.fitted.model));
         }
         if refinement.written {
-            let before = std::mem::replace(&mut found.model, refinement.fitted.model.clone());
-            move_residuals(&before, &mut found.model, &found.roots);
+            let before = std::mem::replace(&mut identification.model, refinement.fitted.model.clone());
+            move_residuals(&before, &mut identification.model, &identification.roots);
             // That of the coefficients before.
-            found.model.partitions.iter_mut().for_each(|partition| partition.correlation = None);
+            identification.model.partitions.iter_mut().for_each(|partition| partition.correlation = None);
         }
         Ok(())
     }
@@ -269,42 +275,47 @@ impl Method for Pwa {
         problem.library.iter().chain(targets).chain(also).cloned().chain(labels).collect()
     }
 
-    fn facts(&self, data: Data<'_, Task>, sums: &Self::Sums, found: &Identification) -> RowFacts {
-        let concentrated = found.targets.iter().cloned().zip(found.concentrated.iter().cloned());
+    fn facts(&self, data: Data<'_, Task>, sums: &Self::Sums, identification: &Identification) -> RowFacts {
+        let concentrated = identification.targets.iter().cloned().zip(identification.concentrated.iter().cloned());
         let episodes = match (data.rows, sums) {
             (Some(rows), _) => rows.episodes().len(),
             (None, summed) => summed.as_ref().map_or(0, Summed::episodes),
         };
-        RowFacts { episodes, left_out: vec![found.at_border, found.incomplete], concentrated: concentrated.collect() }
+        RowFacts {
+            episodes,
+            left_out: vec![identification.at_border, identification.incomplete],
+            concentrated: concentrated.collect(),
+        }
     }
 
     fn report(
         &self,
         _: Data<'_, Task>,
         _: &Self::Sums,
-        found: Identification,
+        identification: Identification,
         mut summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<PwaReport>, Error> {
-        let chosen = &found.candidates[found.chosen];
-        if found.held_out {
-            let errors = chosen.r2.iter().zip(&found.sigma).map(|(r2, sigma)| (1.0 - r2).max(0.0).sqrt() * sigma);
-            let errors = found.targets.iter().cloned().zip(errors);
-            summary.notes.extend(worse_than_persistence(&found.model, errors, &summary.baselines));
+        let chosen = &identification.candidates[identification.chosen];
+        if identification.held_out {
+            let errors =
+                chosen.r2.iter().zip(&identification.sigma).map(|(r2, sigma)| (1.0 - r2).max(0.0).sqrt() * sigma);
+            let errors = identification.targets.iter().cloned().zip(errors);
+            summary.notes.extend(worse_than_persistence(&identification.model, errors, &summary.baselines));
         }
         // Last, and with what to do about it.
         if let Some(poor) = chosen.no_better() {
             summary.notes.retain(|note| *note != poor);
             summary.notes.push(format!("{poor}; {NEXT}"));
         }
-        let names = found.candidates.iter().map(|own| own.specification.to_string());
+        let names = identification.candidates.iter().map(|candidate| candidate.specification.to_string());
         let of = |(model, name): (&Model, String)| Rival { name: Rival::part(&name), model: model.clone() };
-        let rivals = found.models.iter().zip(names).map(of).collect();
+        let rivals = identification.models.iter().zip(names).map(of).collect();
         Ok(Fitted {
             value: None,
-            model: found.model.clone(),
+            model: identification.model.clone(),
             rivals,
-            report: PwaReport { identification: found, summary },
+            report: PwaReport { identification, summary },
         })
     }
 }

@@ -32,7 +32,7 @@ pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
 ///
 /// # Errors
 /// Those of reading; fewer rows than centres.
-pub(crate) fn found(
+pub(crate) fn functions(
     recipe: &Recipe,
     variables: &[Expr],
     problem: &Problem,
@@ -45,7 +45,7 @@ pub(crate) fn found(
     let mut options = Options::default();
     (options.folds, options.seed) = (0, seed);
     options.partitions = vec![Specification::KMeans(count)];
-    let found = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
+    let partitions = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
     let few = |rows: u64| {
         Error::too_few_rows(
             rows,
@@ -57,11 +57,11 @@ pub(crate) fn found(
             ),
         )
     };
-    if found.rows <= count as u64 {
-        return Err(few(found.rows));
+    if partitions.rows <= count as u64 {
+        return Err(few(partitions.rows));
     }
-    let partition = found.partitions.first().map(|(_, partition)| partition);
-    let radial = partition.and_then(RadialFunctions::around).ok_or_else(|| few(found.rows))?;
+    let partition = partitions.partitions.first().map(|(_, partition)| partition);
+    let radial = partition.and_then(RadialFunctions::around).ok_or_else(|| few(partitions.rows))?;
     if radial.centres.len() < count {
         notes.push(format!(
             "{given_radial}: the rows have only {} distinct places, so there are only as many radial functions",

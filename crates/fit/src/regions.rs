@@ -32,7 +32,7 @@ pub(crate) fn regions(
         ));
     }
     options.partitions = vec![specification];
-    let mut found = fleetfoot_pwa::partition(problem, &options, source, progress)?;
-    notes.append(&mut found.notes);
-    Ok(found.partitions.pop().map_or_else(Partition::whole, |(_, partition)| partition))
+    let mut partitions = fleetfoot_pwa::partition(problem, &options, source, progress)?;
+    notes.append(&mut partitions.notes);
+    Ok(partitions.partitions.pop().map_or_else(Partition::whole, |(_, partition)| partition))
 }

@@ -178,7 +178,8 @@ impl<'a> HeldOut<'a> {
     /// Rows of the longest span of every fold, the least of them.
     pub(crate) fn room(&self) -> usize {
         let spans = || self.cut.episodes().iter().zip(&self.fold_of);
-        let longest = |fold: usize| spans().filter(|(_, own)| **own == fold).map(|(span, _)| span.rows).max();
+        let longest =
+            |fold: usize| spans().filter(|(_, fold_of_span)| **fold_of_span == fold).map(|(span, _)| span.rows).max();
         (0..self.rule.folds).filter_map(longest).min().unwrap_or(0)
     }
 
@@ -195,8 +196,8 @@ impl<'a> HeldOut<'a> {
     /// The spans that train in a fold, or those that are held out. Differences and lags do not reach over their borders.
     fn part(&self, fold: usize, held: bool) -> Result<Spans<'_>, Error> {
         let rows = |span: usize| (span, 0..self.cut.episodes()[span].rows);
-        let own = (0..self.fold_of.len()).filter(|&span| (self.fold_of[span] == fold) == held);
-        Ok(Spans::new(&self.cut, own.map(rows).collect(), 1)?)
+        let members = (0..self.fold_of.len()).filter(|&span| (self.fold_of[span] == fold) == held);
+        Ok(Spans::new(&self.cut, members.map(rows).collect(), 1)?)
     }
 
     /// Fits on the training spans of every fold by `fit` and simulates the held-out ones: errors by model, then by fold.
@@ -229,8 +230,8 @@ impl<'a> HeldOut<'a> {
     /// Error of a model's rollouts over that of persistence; infinite where one ended early.
     fn error(&self, model: &Model, held: &dyn Source) -> Result<f64, Error> {
         let options = RolloutOptions::new(self.rule.horizon);
-        let found = self.simulated(model, held, &Starts::Even(self.rule.starts), &options)?;
-        Ok(if found.ended > 0 { f64::INFINITY } else { found.share })
+        let outcome = self.simulated(model, held, &Starts::Even(self.rule.starts), &options)?;
+        Ok(if outcome.ended > 0 { f64::INFINITY } else { outcome.share })
     }
 
     /// Rolls a model out over spans that did not train it.
@@ -241,8 +242,8 @@ impl<'a> HeldOut<'a> {
         starts: &Starts,
         options: &RolloutOptions,
     ) -> Result<HeldOutRollouts, Error> {
-        let found = match rollout(model, held, starts, options, &Silent) {
-            Ok(found) => found,
+        let outcome = match rollout(model, held, starts, options, &Silent) {
+            Ok(rollout) => rollout,
             Err(error @ DynamicsError::TooShort { .. }) => {
                 return Err(Error::undetermined(format!(
                     "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: {}, or give longer logs",
@@ -251,8 +252,8 @@ impl<'a> HeldOut<'a> {
             }
             Err(error) => return Err(error.into()),
         };
-        let ended = found.diverged() + found.without_region();
-        Ok(HeldOutRollouts { share: over_persistence(&found.horizon), ended, starts: found.outcomes.len() })
+        let ended = outcome.diverged() + outcome.without_region();
+        Ok(HeldOutRollouts { share: over_persistence(&outcome.horizon), ended, starts: outcome.outcomes.len() })
     }
 }
 

@@ -59,21 +59,21 @@ pub(crate) fn tried_order<S: Serializer>(order: &NarxOrder, serializer: S) -> Re
 
 pub(crate) fn certificate<S: Serializer>(certificate: &Certificate, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told {
+    struct Content {
         kkt: f64,
         gap: f64,
         objective: f64,
     }
-    Told { kkt: certificate.kkt, gap: certificate.gap, objective: certificate.objective }.serialize(serializer)
+    Content { kkt: certificate.kkt, gap: certificate.gap, objective: certificate.objective }.serialize(serializer)
 }
 
 /// The coefficient that changes most, and its change.
 pub(crate) fn largest_change<S: Serializer>(change: &Option<(String, f64)>, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told<'a> {
+    struct Content<'a> {
         coefficient: &'a str,
         standard_errors: f64,
     }
-    let told = change.as_ref().map(|(coefficient, errors)| Told { coefficient, standard_errors: *errors });
-    told.serialize(serializer)
+    let changed = change.as_ref().map(|(coefficient, errors)| Content { coefficient, standard_errors: *errors });
+    changed.serialize(serializer)
 }

@@ -102,7 +102,7 @@ pub fn fold_room(rows: &dyn Source, folds: usize, smoothed: Option<f64>, step: f
 pub(crate) fn simulated_folds<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,
-    found: &M::Found,
+    solution: &M::Found,
     wanted: &Simulations,
     progress: &dyn Progress,
 ) -> Result<FoldSimulations, Error> {
@@ -113,7 +113,7 @@ pub(crate) fn simulated_folds<M: Method>(
         let mut errors = Vec::with_capacity(wanted.rule.folds);
         progress.stage("simulations");
         held.each(|_, kept| {
-            errors.push(simulated(M::model(found), kept, &few)?.error());
+            errors.push(simulated(M::model(solution), kept, &few)?.error());
             Ok(())
         })?;
         let error = errors.iter().sum::<f64>() / errors.len() as f64;
@@ -123,7 +123,7 @@ pub(crate) fn simulated_folds<M: Method>(
     }
     let mut folds = Vec::with_capacity(wanted.rule.folds);
     held.each(|train, kept| {
-        let model = method.same_terms(Data { rows: Some(train), kept: None, ..data }, found, progress)?;
+        let model = method.same_terms(Data { rows: Some(train), kept: None, ..data }, solution, progress)?;
         progress.stage("simulations");
         folds.push(simulated(&model, kept, wanted)?);
         Ok(())
@@ -135,13 +135,13 @@ pub(crate) fn simulated_folds<M: Method>(
 fn simulated(model: &Model, kept: &dyn Source, wanted: &Simulations) -> Result<SimulatedFold, Error> {
     let RolloutRule { horizon, starts, .. } = wanted.rule;
     let starts = Starts::At(Starts::Even(starts).choose(kept, horizon, wanted.before, horizon + 1)?);
-    let found = fleetfoot_dynamics::rollout(model, kept, &starts, &simulation_options(horizon), &Silent)?;
-    let (model, persistence) = against_persistence(&found.horizon);
+    let rollout = fleetfoot_dynamics::rollout(model, kept, &starts, &simulation_options(horizon), &Silent)?;
+    let (model, persistence) = against_persistence(&rollout.horizon);
     Ok(SimulatedFold {
-        states: found.horizon.states.clone(),
+        states: rollout.horizon.states.clone(),
         model,
         persistence,
-        ended: found.diverged() + found.without_region(),
-        starts: found.outcomes.len(),
+        ended: rollout.diverged() + rollout.without_region(),
+        starts: rollout.outcomes.len(),
     })
 }

@@ -237,9 +237,9 @@ impl Method for Sindy {
         let mut provenance = evidence.provenance(&method, recipe, options.seed);
         let mut chosen = chosen(&regions);
         let smoothed = smoothed::smoothed(recipe, options, evidence, &chosen[0], data.rows, (notes, progress))?;
-        if let Some(found) = smoothed.as_ref().filter(|found| found.told.written) {
+        if let Some(smoothed) = smoothed.as_ref().filter(|smoothed| smoothed.report.written) {
             provenance.method.push_str(", smoothed states");
-            chosen = vec![found.coefficients.clone()];
+            chosen = vec![smoothed.coefficients.clone()];
         }
         let model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance.clone());
         let folds = (solver.folds(), solver.fold_rule().map(str::to_owned));
@@ -247,14 +247,14 @@ impl Method for Sindy {
         Ok(vec![Found { regions, free, folds, smoothed, provenance, model }])
     }
 
-    fn model(found: &Found) -> &Model {
-        &found.model
+    fn model(solution: &Found) -> &Model {
+        &solution.model
     }
 
     fn held_out_by_time(
         &self,
         data: Data<'_, EquationTask>,
-        found: &Found,
+        solution: &Found,
         progress: &dyn Progress,
     ) -> Option<Result<Model, Error>> {
         let again = || {
@@ -263,20 +263,27 @@ impl Method for Sindy {
             Ok(self.find(data, &evidence, &mut notes, progress)?.swap_remove(0).model)
         };
         // States that are smoothed in turn with the equations take many fits.
-        (found.folds.0 > 1 && found.smoothed.is_none()).then(again)
+        (solution.folds.0 > 1 && solution.smoothed.is_none()).then(again)
     }
 
-    fn same_terms(&self, data: Data<'_, EquationTask>, found: &Found, progress: &dyn Progress) -> Result<Model, Error> {
+    fn same_terms(
+        &self,
+        data: Data<'_, EquationTask>,
+        solution: &Found,
+        progress: &dyn Progress,
+    ) -> Result<Model, Error> {
         let mut notes = Vec::new();
         let evidence = self.sum(data, &mut notes, progress)?;
         // Smoothed states and bounds are no least squares on a support.
-        if found.smoothed.as_ref().is_some_and(|own| own.told.written) || !evidence.task.limits.is_empty() {
+        if solution.smoothed.as_ref().is_some_and(|smoothed| smoothed.report.written)
+            || !evidence.task.limits.is_empty()
+        {
             return Ok(self.find(data, &evidence, &mut notes, progress)?.swap_remove(0).model);
         }
-        let refitted = (0..evidence.scan.regions().min(found.regions.len())).map(|region| {
+        let refitted = (0..evidence.scan.regions().min(solution.regions.len())).map(|region| {
             let problem = evidence.scan.root(region).compressed(evidence.task.constant);
-            let solved = found.regions[region].iter().enumerate().map(|(target, own)| {
-                let steps = refit_supports(&problem, target, &Terms::all(), std::slice::from_ref(&own.step.support));
+            let solved = solution.regions[region].iter().enumerate().map(|(target, region)| {
+                let steps = refit_supports(&problem, target, &Terms::all(), std::slice::from_ref(&region.step.support));
                 let coefficients = steps.map_err(Error::Threshold)?.swap_remove(0).coefficients;
                 Ok(coefficients)
             });
@@ -292,13 +299,13 @@ impl Method for Sindy {
         &self,
         _: Data<'_, EquationTask>,
         evidence: &Evidence,
-        found: &mut Found,
+        solution: &mut Found,
         refinement: &mut Refinement,
     ) -> Result<(), Error> {
         if refinement.written {
-            let chosen = coefficients_of(&refinement.fitted.model, &evidence.task, found.regions.len());
-            let provenance = found.provenance.clone();
-            found.model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance);
+            let chosen = coefficients_of(&refinement.fitted.model, &evidence.task, solution.regions.len());
+            let provenance = solution.provenance.clone();
+            solution.model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance);
         }
         Ok(())
     }
@@ -321,34 +328,34 @@ impl Method for Sindy {
         &self,
         _: Data<'_, EquationTask>,
         evidence: &Evidence,
-        found: Found,
+        solution: Found,
         summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<SindyReport>, Error> {
-        let mut report = report(evidence, &self.options, &found, summary);
-        if let Some(free) = &found.free {
-            limits::tell(evidence, &found.regions, free, &mut report);
+        let mut report = report(evidence, &self.options, &solution, summary);
+        if let Some(free) = &solution.free {
+            limits::tell(evidence, &solution.regions, free, &mut report);
         }
-        if let Some(smoothed) = &found.smoothed {
-            if smoothed.told.written {
+        if let Some(smoothed) = &solution.smoothed {
+            if smoothed.report.written {
                 smoothed.tell(evidence, &mut report);
             }
-            report.smoothing = Some(smoothed.told.clone());
+            report.smoothing = Some(smoothed.report.clone());
         }
-        report.refine(&evidence.task, &found.model);
+        report.refine(&evidence.task, &solution.model);
         let errors = report.regions.iter().filter(|_| report.regions.len() == 1).flat_map(|region| &region.equations);
-        let errors: Vec<(String, f64)> = errors.map(|own| (own.label.clone(), own.held_out)).collect();
-        let worse = worse_than_persistence(&found.model, errors, &report.summary.baselines);
+        let errors: Vec<(String, f64)> = errors.map(|error| (error.label.clone(), error.held_out)).collect();
+        let worse = worse_than_persistence(&solution.model, errors, &report.summary.baselines);
         report.summary.notes.extend(worse);
         let shares = report.regions.iter().flat_map(|region| &region.equations);
         let shares = shares.map(|equation| (equation.label.clone(), 1.0 - equation.held_out_r2));
         let poor = no_better("predicted", shares.collect::<Vec<_>>());
         report.summary.notes.extend(poor);
-        let rivals = match (self.front, found.regions.as_slice()) {
-            (true, [region]) => front_models(evidence, region, &found.provenance),
+        let rivals = match (self.front, solution.regions.as_slice()) {
+            (true, [region]) => front_models(evidence, region, &solution.provenance),
             _ => Vec::new(),
         };
-        Ok(Fitted { value: None, model: found.model, rivals, report })
+        Ok(Fitted { value: None, model: solution.model, rivals, report })
     }
 }
 
@@ -371,7 +378,7 @@ pub(super) fn equations(
 
 /// The coefficients (candidates x equations) of every region.
 fn chosen(regions: &[Vec<Solved>]) -> Vec<Mat<f64>> {
-    regions.iter().map(|region| coefficients(region, |found| &found.step)).collect()
+    regions.iter().map(|region| coefficients(region, |solved| &solved.step)).collect()
 }
 
 /// Coefficients (candidates x equations) of a model of every equation.
@@ -379,20 +386,20 @@ fn coefficients<'a>(
     region: &'a [Solved],
     of: impl Fn(&'a Solved) -> &'a fleetfoot_sparse::threshold::Step,
 ) -> Mat<f64> {
-    let p = region.first().map_or(0, |found| found.step.coefficients.len());
+    let p = region.first().map_or(0, |region| region.step.coefficients.len());
     Mat::from_fn(p, region.len(), |j, t| of(&region[t]).coefficients[j])
 }
 
 /// For every number of terms on any equation's front the model in which each equation has its best with at most so many.
 fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance) -> Vec<Rival> {
-    let terms = |found: &Solved, k: usize| found.sweep.trail.steps[k].terms();
+    let terms = |solved: &Solved, k: usize| solved.sweep.trail.steps[k].terms();
     let sizes: std::collections::BTreeSet<usize> =
-        region.iter().flat_map(|found| found.sweep.front.iter().map(|&k| terms(found, k))).collect();
+        region.iter().flat_map(|region| region.sweep.front.iter().map(|&k| terms(region, k))).collect();
     let model = |size: usize| {
-        let b = coefficients(region, |found| {
-            let front = &found.sweep.front;
-            let best = front.iter().rev().find(|&&k| terms(found, k) <= size).or(front.first());
-            best.map_or(&found.step, |&k| &found.sweep.trail.steps[k])
+        let b = coefficients(region, |solved| {
+            let front = &solved.sweep.front;
+            let best = front.iter().rev().find(|&&k| terms(solved, k) <= size).or(front.first());
+            best.map_or(&solved.step, |&k| &solved.sweep.trail.steps[k])
         });
         let model = evidence.task.model(&evidence.scan, None, &[b], provenance.clone());
         Rival { name: format!("terms{size}"), model }
@@ -400,28 +407,28 @@ fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance)
     sizes.into_iter().map(model).collect()
 }
 
-fn report(evidence: &Evidence, options: &SindyOptions, found: &Found, mut summary: FitSummary) -> SindyReport {
-    let (task, scan, regions) = (&evidence.task, &evidence.scan, &found.regions);
+fn report(evidence: &Evidence, options: &SindyOptions, solution: &Found, mut summary: FitSummary) -> SindyReport {
+    let (task, scan, regions) = (&evidence.task, &evidence.scan, &solution.regions);
     let chosen = chosen(regions);
-    let (folds, fold_rule) = (found.folds.0, found.folds.1.as_deref());
+    let (folds, fold_rule) = (solution.folds.0, solution.folds.1.as_deref());
     let clusters = if evidence.episodes.len() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
-    let found = regions.iter().enumerate().map(|(region, solved)| {
+    let described = regions.iter().enumerate().map(|(region, solved)| {
         // What a bound holds is no estimate.
         let supports: Vec<Vec<usize>> =
-            solved.iter().enumerate().map(|(target, found)| limits::loose(task, target, found)).collect();
+            solved.iter().enumerate().map(|(target, equation)| limits::loose(task, target, equation)).collect();
         let b = chosen[region].as_ref();
         let errors = system_errors(scan, region, task.constant, b, &supports, clusters);
         if let Err(error) = &errors {
             summary.notes.push(format!("no standard errors: {error}"));
         }
         let problem = scan.root(region).compressed(task.constant);
-        let equations = solved.iter().enumerate().map(|(target, found)| {
+        let equations = solved.iter().enumerate().map(|(target, equation)| {
             let error = |j: usize| errors.as_ref().map_or(f64::NAN, |errors| errors[(j, target)]);
-            report::equation(task, target, found, &problem, error)
+            report::equation(task, target, equation, &problem, error)
         });
         RegionReport { name: evidence.region_name(region), rows: scan.rows(region), equations: equations.collect() }
     });
-    let regions = found.collect();
+    let regions = described.collect();
     SindyReport {
         rows: (0..scan.regions()).map(|region| scan.rows(region)).sum(),
         method: options.method_in_words(),

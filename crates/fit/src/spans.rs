@@ -200,14 +200,14 @@ mod tests {
         assert_eq!(folds, [0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]);
         assert_eq!((spans.rows(), spans.episodes().len()), (108, 12));
         // Smoothing over five rows: no two spans are nearer, and what begins an episode stays.
-        let (apart, own) = Spans::folds(&inner, 2, 5).unwrap();
-        assert_eq!((own, apart.rows()), (folds, 108 - 5 * 5 - 6));
+        let (apart, spans_alone) = Spans::folds(&inner, 2, 5).unwrap();
+        assert_eq!((spans_alone, apart.rows()), (folds, 108 - 5 * 5 - 6));
         assert_eq!(apart.episodes()[1].name, "a[21..33]");
         let mut many = MemorySource::new(vec![Column::float("x")]);
         (0..6).for_each(|e| many.push_uniform(format!("e{e}"), 0.5, vec![vec![f64::from(e); 20]]));
         let (spans, folds) = Spans::folds(&many, 3, 5).unwrap();
         assert_eq!(spans.episodes(), many.episodes());
-        assert!((0..3).all(|fold| folds.iter().filter(|&&own| own == fold).count() == 2));
+        assert!((0..3).all(|fold| folds.iter().filter(|&&number| number == fold).count() == 2));
         assert!(Spans::folds(&inner, 200, 0).is_err());
     }
 }

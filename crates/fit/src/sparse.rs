@@ -96,7 +96,7 @@ impl Method for Sparse {
 
     fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
         let plan = plan_scan(recipe, &self.scanned(), logs.clone(), progress)?;
-        let coefficients = plan.latents.iter().map(|own| own.functions).sum();
+        let coefficients = plan.latents.iter().map(|latent| latent.functions).sum();
         let latents = plan.latents.iter().map(|PlannedLatent { name, functions }| format!("{name} ({functions})"));
         let latents = latents.collect::<Vec<_>>().join(", ");
         let chunks = format!("{} chunks of at most {} rows", plan.chunks, plan.chunk_rows);
@@ -148,9 +148,9 @@ impl Method for Sparse {
         let says_nothing = recipe.states.is_empty() && recipe.latents.is_empty() && recipe.model.predict.is_none();
         refuse_other_rows(recipe, scanned)?;
         if says_nothing {
-            let (mut own, _) = file.task()?;
-            own.say(recipe.sparse.clone());
-            return Ok(own);
+            let (mut task, _) = file.task()?;
+            task.say(recipe.sparse.clone());
+            return Ok(task);
         }
         let mut recipe = recipe.clone();
         recipe.time.only.clone_from(&scanned.time.only);
@@ -209,8 +209,8 @@ impl Method for Sparse {
             }
             Some(label) => {
                 for (value, episodes) in by_label(&sums.file, label)? {
-                    let found = evidence.fit(Some(value.clone()), &episodes, progress);
-                    fitted.push(found.map_err(|error| match error {
+                    let evidence_of_fit = evidence.fit(Some(value.clone()), &episodes, progress);
+                    fitted.push(evidence_of_fit.map_err(|error| match error {
                         Error::Request(RequestError { cause, message }) => {
                             let message = format!("{label} = {value}: {message}");
                             evidence.with_reasons(Error::Request(RequestError { cause, message }), progress)
@@ -227,8 +227,8 @@ impl Method for Sparse {
         Ok(fitted)
     }
 
-    fn model(found: &Found) -> &Model {
-        &found.model
+    fn model(solution: &Found) -> &Model {
+        &solution.model
     }
 
     /// One step alone is fitted, whose coefficients stay.
@@ -240,21 +240,21 @@ impl Method for Sparse {
         row_expressions(task).cloned().collect()
     }
 
-    fn facts(&self, _: Data<'_, StructuredTask>, _: &Sums, found: &Found) -> RowFacts {
-        found.facts.clone()
+    fn facts(&self, _: Data<'_, StructuredTask>, _: &Sums, solution: &Found) -> RowFacts {
+        solution.facts.clone()
     }
 
     fn report(
         &self,
         _: Data<'_, StructuredTask>,
         _: &Sums,
-        found: Found,
+        solution: Found,
         mut summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<SparseReport>, Error> {
-        summary.notes.extend(found.notes);
-        let report = SparseReport { summary, ..found.report };
-        Ok(Fitted { value: found.value, model: found.model, rivals: Vec::new(), report })
+        summary.notes.extend(solution.notes);
+        let report = SparseReport { summary, ..solution.report };
+        Ok(Fitted { value: solution.value, model: solution.model, rivals: Vec::new(), report })
     }
 }
 
@@ -416,9 +416,13 @@ impl Natural {
 fn standard_errors(problem: &Problem<'_>, theta: &[f64], notes: &mut Vec<String>) -> Option<Vec<f64>> {
     let clusters = if problem.episodes() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
     match clustered_covariance(&problem.banks, &problem.structure, &problem.assembly, theta, clusters) {
-        Ok(found) => {
+        Ok(clustered_covariance) => {
             let mut errors = vec![f64::NAN; theta.len()];
-            found.support.iter().zip(&found.errors).for_each(|(&j, &error)| errors[j] = error);
+            clustered_covariance
+                .support
+                .iter()
+                .zip(&clustered_covariance.errors)
+                .for_each(|(&j, &error)| errors[j] = error);
             Some(errors)
         }
         Err(error) => {

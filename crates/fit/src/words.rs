@@ -35,11 +35,11 @@ pub fn spans_in_words(spans: &[StepSpan], steps: usize) -> String {
             format!("from {} to {} (steps {first} to {last})", seconds(span.from), seconds(span.to))
         }
     };
-    let mut told: Vec<String> = spans.iter().take(SPANS).map(one).collect();
+    let mut texts: Vec<String> = spans.iter().take(SPANS).map(one).collect();
     if spans.len() > SPANS {
-        told.push(format!("and in {} more", count(spans.len() - SPANS, "span")));
+        texts.push(format!("and in {} more", count(spans.len() - SPANS, "span")));
     }
-    told.join(", ")
+    texts.join(", ")
 }
 
 /// Columns that a simulation takes from the recording

@@ -29,11 +29,11 @@ pub(crate) fn worse_than_persistence(
     baselines: &[TargetBaselines],
 ) -> Option<String> {
     let is_value = |name: &str| {
-        let own = model.fitted().find(|equation| equation.label() == name);
-        own.is_some_and(|equation| matches!(equation.prediction, Prediction::Next | Prediction::Value))
+        let equation = model.fitted().find(|equation| equation.label() == name);
+        equation.is_some_and(|equation| matches!(equation.prediction, Prediction::Next | Prediction::Value))
     };
     let worse = |(name, error): (String, f64)| {
-        let before = baselines.iter().find(|own| own.target == name)?.persistence_rmse;
+        let before = baselines.iter().find(|baseline| baseline.target == name)?.persistence_rmse;
         (is_value(&name) && before < error).then(|| format!("{name} ({before:.3e} against {error:.3e})"))
     };
     let worse: Vec<String> = held_out.into_iter().filter_map(worse).collect();

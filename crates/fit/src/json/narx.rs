@@ -114,7 +114,7 @@ struct OneStep<'a> {
 
 impl<'a> From<&'a TargetScore> for OneStep<'a> {
     fn from(target: &'a TargetScore) -> Self {
-        let baselines = target.baselines.iter().map(|own| (own.baseline.name(), own.rmse));
+        let baselines = target.baselines.iter().map(|baseline| (baseline.baseline.name(), baseline.rmse));
         Self {
             name: &target.name,
             rmse: target.rmse,

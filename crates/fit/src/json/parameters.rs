@@ -18,7 +18,7 @@ impl FitReport for ParametersReport {
 
 impl Serialize for ParametersReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Told {
+        Content {
             method: self.method,
             rows: self.rows,
             files: self.summary.files,
@@ -59,7 +59,7 @@ impl Serialize for ParametersReport {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     method: EstimateMethod,
     rows: u64,
     files: usize,

@@ -18,13 +18,14 @@ impl FitReport for SindyReport {
 /// Regions, and beside them the paths of all their equations.
 pub(crate) fn with_paths<S: Serializer>(regions: &[RegionReport], serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told<'a> {
+    struct Content<'a> {
         regions: &'a [RegionReport],
         path: Vec<EquationPath<'a>>,
     }
-    let equations = regions.iter().flat_map(|region| region.equations.iter().map(move |own| (&region.name, own)));
+    let equations =
+        regions.iter().flat_map(|region| region.equations.iter().map(move |equation| (&region.name, equation)));
     let path = equations.map(|(region, equation)| EquationPath::new(region, equation)).collect();
-    Told { regions, path }.serialize(serializer)
+    Content { regions, path }.serialize(serializer)
 }
 
 /// Contributions of the functions of an equation to its models, by number of terms.

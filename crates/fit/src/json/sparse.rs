@@ -32,13 +32,13 @@ impl Serialize for LambdaChoice {
             standard_error: &'a [f64],
             features: &'a [f64],
         }
-        let validation = self.validation.as_ref().map(|found| Validation {
+        let validation = self.validation.as_ref().map(|validation| Validation {
             folds: self.folds,
             fold_rule: self.fold_rule.as_deref(),
-            lambdas: &found.lambdas,
-            error: &found.mean,
-            standard_error: &found.standard_error,
-            features: &found.features,
+            lambdas: &validation.lambdas,
+            error: &validation.mean,
+            standard_error: &validation.standard_error,
+            features: &validation.features,
         });
         Chosen { value: self.value, how: &self.how, largest: self.largest, validation }.serialize(serializer)
     }

@@ -62,10 +62,10 @@ impl NarxCandidate {
 
 /// Marks the model that is written, and those that nothing with as few coefficients beats.
 pub(crate) fn mark(tried: &mut [NarxCandidate], chosen: usize) {
-    let models: Vec<(usize, f64)> = tried.iter().map(|own| (own.coefficients, own.error().0)).collect();
-    tried.iter_mut().zip(front(&models)).for_each(|(own, on)| own.front = on);
-    if let Some(own) = tried.get_mut(chosen) {
-        own.chosen = true;
+    let models: Vec<(usize, f64)> = tried.iter().map(|tried| (tried.coefficients, tried.error().0)).collect();
+    tried.iter_mut().zip(front(&models)).for_each(|(tried, on)| tried.front = on);
+    if let Some(tried) = tried.get_mut(chosen) {
+        tried.chosen = true;
     }
 }
 
@@ -168,18 +168,18 @@ mod tests {
         #[test]
         fn the_front_has_what_nothing_beats(models in proptest::collection::vec((1usize..8, 0u8..9), 1..30)) {
             // An error of 8 stands for one that diverged.
-            let error = |own: u8| if own == 8 { f64::INFINITY } else { f64::from(own) };
-            let mut tried: Vec<NarxCandidate> = models.iter().map(|&(size, own)| with(size, error(own))).collect();
+            let error = |label: u8| if label == 8 { f64::INFINITY } else { f64::from(label) };
+            let mut tried: Vec<NarxCandidate> = models.iter().map(|&(size, label)| with(size, error(label))).collect();
             mark(&mut tried, 0);
-            proptest::prop_assert!(tried[0].chosen && tried[1..].iter().all(|own| !own.chosen));
-            for (at, own) in tried.iter().enumerate() {
+            proptest::prop_assert!(tried[0].chosen && tried[1..].iter().all(|tried| !tried.chosen));
+            for (at, candidate) in tried.iter().enumerate() {
                 let beats = |(place, other): (usize, &NarxCandidate)| {
-                    let (size, less) = (other.coefficients <= own.coefficients, other.rrse <= own.rrse);
-                    let better = other.coefficients < own.coefficients || other.rrse < own.rrse || place < at;
+                    let (size, less) = (other.coefficients <= candidate.coefficients, other.rrse <= candidate.rrse);
+                    let better = other.coefficients < candidate.coefficients || other.rrse < candidate.rrse || place < at;
                     place != at && size && less && better
                 };
-                let beaten = !own.rrse.is_finite() || tried.iter().enumerate().any(beats);
-                proptest::prop_assert_eq!(own.front, !beaten, "{:?}", own);
+                let beaten = !candidate.rrse.is_finite() || tried.iter().enumerate().any(beats);
+                proptest::prop_assert_eq!(candidate.front, !beaten, "{:?}", candidate);
             }
         }
     }

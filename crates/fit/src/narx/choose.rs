@@ -64,7 +64,7 @@ pub(crate) struct How {
 /// Fewer than two spans are left: models cannot be compared, and no model is tested on held-out rows.
 fn resting(tried: &[Tried], folds: usize) -> Result<String, Error> {
     let rests =
-        |fold: &usize| tried.iter().any(|own| own.candidate.folds.get(*fold).is_some_and(|error| error.is_nan()));
+        |fold: &usize| tried.iter().any(|tried| tried.candidate.folds.get(*fold).is_some_and(|error| error.is_nan()));
     let resting = (0..folds).filter(rests).count();
     match resting {
         0 => Ok(String::new()),
@@ -251,7 +251,7 @@ impl Fit<'_> {
         let mut all: Vec<NarxCandidate> = tried.iter().map(|tried| tried.candidate.clone()).collect();
         let spans = self.options.folds;
         let least = |of: &dyn Fn(&NarxCandidate) -> Option<f64>| {
-            let known = all.iter().enumerate().filter_map(|(at, own)| Some((at, of(own)?)));
+            let known = all.iter().enumerate().filter_map(|(at, score)| Some((at, of(score)?)));
             known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
         };
         let (chosen, rule) = match criterion {
@@ -264,8 +264,8 @@ impl Fit<'_> {
             Criterion::CrossValidation => {
                 (best(all.iter()), format!("the least one-step error of {spans} held-out spans"))
             }
-            Criterion::Aic => (least(&|own| own.aic), "the least AIC of one-step errors".into()),
-            Criterion::Bic | Criterion::Ebic => (least(&|own| own.bic), "the least BIC of one-step errors".into()),
+            Criterion::Aic => (least(&|score| score.aic), "the least AIC of one-step errors".into()),
+            Criterion::Bic | Criterion::Ebic => (least(&|score| score.bic), "the least BIC of one-step errors".into()),
         };
         let Some(at) = chosen else {
             return Err(Error::undetermined(format!(
@@ -304,8 +304,8 @@ impl Fit<'_> {
         progress: &dyn Progress,
     ) -> Result<Chosen, Error> {
         let written = |at: usize, how| {
-            let own: &Tried = &tried[at];
-            self.written(own, &partitions[own.candidate.partition], how, progress)
+            let tried: &Tried = &tried[at];
+            self.written(tried, &partitions[tried.candidate.partition], how, progress)
         };
         let front: Vec<usize> = match self.rivals {
             true => (0..tried.len()).filter(|&other| other != at && how.tried[other].front).collect(),
@@ -326,12 +326,12 @@ impl Fit<'_> {
         let functions: Vec<usize> = columns.iter().copied().filter(|&column| column > 0).collect();
         let place =
             |column: usize| if column == 0 { 0 } else { 1 + functions.partition_point(|&other| other < column) };
-        let own = |support: &Support| Support {
+        let local = |support: &Support| Support {
             columns: support.columns.iter().map(|&column| place(column)).collect(),
             shared: support.shared,
         };
         let supports: Vec<Vec<Support>> =
-            tried.supports.iter().map(|region| region.iter().map(own).collect()).collect();
+            tried.supports.iter().map(|region| region.iter().map(local).collect()).collect();
         let task = tried.task.restricted(&functions);
         let whole = self.scan(&task, None, progress)?;
         self.check(&whole, task.candidates())?;
@@ -424,11 +424,12 @@ impl Fit<'_> {
             let episode = cut.episodes().iter().position(|episode| episode.id == scan.units()[unit].episode);
             episode.map(|episode| folds[episode])
         };
-        let weights = |own: bool| {
-            let weight = |unit: usize, fold: usize| f64::from((fold_of(unit) == Some(fold)) == own);
+        let weights = |is_held_out: bool| {
+            let weight = |unit: usize, fold: usize| f64::from((fold_of(unit) == Some(fold)) == is_held_out);
             Mat::from_fn(scan.units().len(), self.options.folds, weight)
         };
-        let problems = |own| scan.roots(0, weights(own).as_ref()).into_iter().map(|root| root.compressed(true));
+        let problems =
+            |is_held_out| scan.roots(0, weights(is_held_out).as_ref()).into_iter().map(|root| root.compressed(true));
         let both = problems(false).zip(problems(true));
         let filled = both.filter(|(train, test)| train.weight > 0.0 && test.weight > 0.0);
         Ok(filled.map(|(train, test)| NarxFold { train, test }).collect())
@@ -439,8 +440,8 @@ impl Fit<'_> {
 fn held<'a>(cut: &'a Spans<'a>, folds: &[usize], count: usize) -> Result<Vec<Spans<'a>>, Error> {
     (0..count)
         .map(|fold| {
-            let own = (0..folds.len()).filter(|&e| folds[e] == fold);
-            Ok(Spans::new(cut, own.map(|e| (e, 0..cut.episodes()[e].rows)).collect(), 1)?)
+            let episodes = (0..folds.len()).filter(|&e| folds[e] == fold);
+            Ok(Spans::new(cut, episodes.map(|e| (e, 0..cut.episodes()[e].rows)).collect(), 1)?)
         })
         .collect()
 }

@@ -125,10 +125,10 @@ impl Fit<'_> {
         let columns = (0..=outputs + inputs * reach).collect();
         let problems = Problems::all(&scan, None);
         let trails = Trails::new(&problems, columns, TermRule::Auto(TERMS), choice(Criterion::Ebic))?;
-        let found = trails.terms(None);
+        let terms = trails.terms(None);
         // Input, lag, and the share of what the outputs' past leaves that it explains; the constant comes first, then the outputs.
         let mut of_inputs: Vec<(usize, usize, f64)> = Vec::new();
-        for equation in found.iter().flatten() {
+        for equation in terms.iter().flatten() {
             let past: f64 = equation.terms.iter().filter(|(column, ..)| *column <= outputs).map(|term| term.2).sum();
             let left = (1.0 - past).max(f64::EPSILON);
             of_inputs.extend(equation.terms.iter().filter_map(|(column, _, reduction)| {
@@ -137,10 +137,10 @@ impl Fit<'_> {
             }));
         }
         let first = |input: usize| {
-            let own = || of_inputs.iter().filter(|(of, ..)| *of == input);
-            let most = own().map(|(.., reduction)| *reduction).fold(0.0, f64::max);
+            let delays = || of_inputs.iter().filter(|(of, ..)| *of == input);
+            let most = delays().map(|(.., reduction)| *reduction).fold(0.0, f64::max);
             let counts = |reduction: f64| reduction >= SHARE * most && reduction >= LEAST;
-            let first = own().filter(|(.., reduction)| counts(*reduction)).map(|(_, lag, _)| *lag).min();
+            let first = delays().filter(|(.., reduction)| counts(*reduction)).map(|(_, lag, _)| *lag).min();
             first.filter(|first| *first > near)
         };
         // A slow input is like itself some rows later: a late lag has to explain what the usual lags do not.

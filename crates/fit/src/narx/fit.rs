@@ -92,10 +92,11 @@ impl Method for Narx {
             OrderRule::Look(given) => (given.or(USUAL), Some(options.effort.limit() as f64)),
         };
         let (candidates, outputs) = (base.candidates(order), base.outputs());
-        let regions = options.partitions.iter().map(|own| own.clusters().unwrap_or(1)).max().unwrap_or(1);
+        let regions = options.partitions.iter().map(|partition| partition.clusters().unwrap_or(1)).max().unwrap_or(1);
         let most = if looked.is_some() { options.effort.most_candidates() } else { candidates };
         let rows = reading.rows / options.decimate;
-        let own = rows as f64 * (candidates as f64).powi(2) + (options.folds as f64) * (candidates as f64).powi(3);
+        let operations =
+            rows as f64 * (candidates as f64).powi(2) + (options.folds as f64) * (candidates as f64).powi(3);
         let mut details = vec![match options.order {
             OrderRule::Fixed(order) => format!("order: {order}"),
             OrderRule::UpTo(order) => format!("orders up to {order}"),
@@ -115,7 +116,7 @@ impl Method for Narx {
             smoothing: None,
             memory: SystemPlan::memory(&base.with(&[order])?.task.system(), regions, rows),
             work: Work {
-                operations: looked.unwrap_or(own * outputs as f64),
+                operations: looked.unwrap_or(operations * outputs as f64),
                 parts: outputs.max(1),
                 mend: format!(
                     "fewer lags, a lower degree or {given_effort} make it shorter",
@@ -208,7 +209,8 @@ impl Method for Narx {
     ) -> Result<Vec<Found>, Error> {
         let mut options = self.options.clone();
         options.order = data.task.simulated(options.order, data.step)?;
-        let summed = sums.as_ref().map(|own| Sums::new(&own.file, &own.recipe, &options)).transpose()?;
+        let summed =
+            sums.as_ref().map(|statistic| Sums::new(&statistic.file, &statistic.recipe, &options)).transpose()?;
         let evidence = match &summed {
             Some(sums) => Evidence::Sums(sums),
             None => Evidence::Rows(data.rows()?),
@@ -224,13 +226,13 @@ impl Method for Narx {
         Ok(vec![fit.find(notes, progress)?])
     }
 
-    fn model(found: &Found) -> &Model {
-        &found.model
+    fn model(solution: &Found) -> &Model {
+        &solution.model
     }
 
     /// Terms are chosen anew, in the order that was found.
-    fn again(&self, data: Data<'_, NarxBase>, found: &Found, progress: &dyn Progress) -> Result<Beginning, Error> {
-        let order = OrderRule::Fixed(found.chosen.order);
+    fn again(&self, data: Data<'_, NarxBase>, solution: &Found, progress: &dyn Progress) -> Result<Beginning, Error> {
+        let order = OrderRule::Fixed(solution.chosen.order);
         let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
         let again = Self { options, free_run: Logs::default(), rivals: false };
         let mut models = again.trials(data, progress)?;
@@ -240,23 +242,23 @@ impl Method for Narx {
     fn held_out_by_time(
         &self,
         data: Data<'_, NarxBase>,
-        found: &Found,
+        solution: &Found,
         progress: &dyn Progress,
     ) -> Option<Result<Model, Error>> {
-        (self.options.test_share == 0.0).then(|| Ok(self.again(data, found, progress)?.0))
+        (self.options.test_share == 0.0).then(|| Ok(self.again(data, solution, progress)?.0))
     }
 
     fn refine(
         &self,
         _: Data<'_, NarxBase>,
         _: &Self::Sums,
-        found: &mut Found,
+        solution: &mut Found,
         refinement: &mut Refinement,
     ) -> Result<(), Error> {
         if refinement.written {
-            let chosen = &found.chosen;
+            let chosen = &solution.chosen;
             let coefficients = coefficients_of(&refinement.fitted.model, &chosen.task, chosen.terms.len());
-            found.model = chosen.model(&found.partition, &coefficients, found.provenance.clone());
+            solution.model = chosen.model(&solution.partition, &coefficients, solution.provenance.clone());
         }
         Ok(())
     }
@@ -265,11 +267,11 @@ impl Method for Narx {
         task.row_functions()
     }
 
-    fn facts(&self, _: Data<'_, NarxBase>, _: &Self::Sums, found: &Found) -> RowFacts {
-        let (labels, whole) = (found.chosen.labels(), &found.chosen.whole);
+    fn facts(&self, _: Data<'_, NarxBase>, _: &Self::Sums, solution: &Found) -> RowFacts {
+        let (labels, whole) = (solution.chosen.labels(), &solution.chosen.whole);
         let counts = whole.counts();
         RowFacts {
-            episodes: found.provenance.episodes.len(),
+            episodes: solution.provenance.episodes.len(),
             left_out: vec![counts.at_border, counts.incomplete],
             concentrated: labels.zip(whole.concentrated().iter().cloned()).collect(),
         }
@@ -279,12 +281,12 @@ impl Method for Narx {
         &self,
         data: Data<'_, NarxBase>,
         _: &Self::Sums,
-        found: Found,
+        solution: Found,
         mut summary: FitSummary,
         progress: &dyn Progress,
     ) -> Result<Fitted<NarxReport>, Error> {
         progress.stage("scores");
-        let Found { chosen, partition, model, rivals, .. } = found;
+        let Found { chosen, partition, model, rivals, .. } = solution;
         let train = match data.rows {
             Some(rows) => Some(scores(&model, rows, progress)?.ok_or_else(|| too_short(rows))?),
             None => None,
@@ -318,11 +320,11 @@ impl Method for Narx {
         }
         let mut how = chosen.how;
         // What is told as held out is of the model that is written; that of one step is another.
-        if summary.refinement.as_ref().is_some_and(|own| own.written) {
+        if summary.refinement.as_ref().is_some_and(|refinement| refinement.written) {
             how.held_out = None;
         }
         if let Some(held_out) = &how.held_out {
-            let outputs: Vec<String> = chosen.task.fitted.iter().map(|own| own.label.clone()).collect();
+            let outputs: Vec<String> = chosen.task.fitted.iter().map(|equation| equation.label.clone()).collect();
             summary.notes.extend(no_better("simulated", [(outputs.join(", "), held_out.rrse * held_out.rrse)]));
         }
         let report = NarxReport {
@@ -363,15 +365,15 @@ impl Fit<'_> {
         let mut partitions = self.partitions(notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
         notes.extend(start_note(&self.options.partitions, &partitions[chosen.partition]));
-        let rivals = chosen.rivals.iter().map(|(coefficients, own)| Rival {
+        let rivals = chosen.rivals.iter().map(|(coefficients, partition)| Rival {
             name: format!("coefficients{coefficients}"),
-            model: self.model_of(own, &partitions[own.partition]),
+            model: self.model_of(partition, &partitions[partition.partition]),
         });
         let rivals = rivals.collect();
         let partition = partitions.swap_remove(chosen.partition);
-        if let Some(own) = &partition.partition {
+        if let Some(specification) = &partition.partition {
             let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
-            notes.extend(in_no_region(&own.specification, scan, chosen.whole.counts().complete));
+            notes.extend(in_no_region(&specification.specification, scan, chosen.whole.counts().complete));
         }
         let provenance = self.provenance(partition.partition.as_ref(), partition.seed);
         let model = self.model_of(&chosen, &partition);
@@ -413,7 +415,7 @@ fn regions(
         equations: labels()
             .zip(equations)
             .enumerate()
-            .map(|(target, (label, own))| equation(chosen, model, [region, target], label, own))
+            .map(|(target, (label, terms))| equation(chosen, model, [region, target], label, terms))
             .collect(),
     };
     let regions: Vec<NarxRegion> = chosen.terms.iter().enumerate().map(region).collect();
@@ -431,13 +433,13 @@ fn equation(
     model: &Model,
     [region, target]: [usize; 2],
     label: &str,
-    own: &EquationTerms,
+    equation_terms: &EquationTerms,
 ) -> NarxEquation {
     let in_model = Coefficients::new(&chosen.task, model, target);
-    let term = |&(j, found, err): &(usize, f64, f64)| NarxTerm {
-        coefficient: in_model.of(region, j).unwrap_or(found),
+    let term = |&(j, coefficient, err): &(usize, f64, f64)| NarxTerm {
+        coefficient: in_model.of(region, j).unwrap_or(coefficient),
         function: chosen.task.candidate(j),
         err,
     };
-    NarxEquation { label: label.to_owned(), terms: own.terms.iter().map(term).collect() }
+    NarxEquation { label: label.to_owned(), terms: equation_terms.terms.iter().map(term).collect() }
 }

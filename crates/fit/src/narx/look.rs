@@ -146,8 +146,8 @@ impl Look<'_> {
         let new: Vec<NarxOrder> = linear.filter(|&order| state.linear.insert(order)).collect();
         let terms = self.rule(true);
         // The stage of linear models has tried them itself.
-        let own = state.stages.is_empty();
-        new.into_iter().filter(|_| !own).map(|order| Job { order, terms }).collect()
+        let is_first = state.stages.is_empty();
+        new.into_iter().filter(|_| !is_first).map(|order| Job { order, terms }).collect()
     }
 
     /// An estimate of the work of an order, in terms that are evaluated.
@@ -240,29 +240,29 @@ impl Look<'_> {
 
     /// One lag more or less, one degree more or less, inputs at once or not; given parts stay.
     fn neighbours(&self, order: NarxOrder) -> Vec<NarxOrder> {
-        let mut found = vec![order];
+        let mut orders = vec![order];
         let steps = |value: usize| [value.saturating_sub(1), value + 1];
         if self.given.outputs.is_none() {
-            found.extend(steps(order.outputs).map(|outputs| NarxOrder { outputs, ..order }));
+            orders.extend(steps(order.outputs).map(|outputs| NarxOrder { outputs, ..order }));
         }
         if self.given.inputs.is_none() {
-            found.extend(steps(order.inputs).map(|inputs| NarxOrder { inputs, ..order }));
+            orders.extend(steps(order.inputs).map(|inputs| NarxOrder { inputs, ..order }));
         }
         if self.given.outputs.is_none() && self.given.inputs.is_none() {
-            found.push(NarxOrder { outputs: order.outputs + 1, inputs: order.inputs + 1, ..order });
+            orders.push(NarxOrder { outputs: order.outputs + 1, inputs: order.inputs + 1, ..order });
         }
         if self.given.degree.is_none() {
-            found.extend(steps(order.degree).map(|degree| NarxOrder { degree, ..order }));
+            orders.extend(steps(order.degree).map(|degree| NarxOrder { degree, ..order }));
         }
         if self.given.direct.is_none() {
-            found.push(NarxOrder { direct: !order.direct, ..order });
+            orders.push(NarxOrder { direct: !order.direct, ..order });
         }
-        found.retain(|order| {
+        orders.retain(|order| {
             let reads = order.outputs > 0 && (order.inputs > 0 || order.direct || self.given.inputs == Some(0));
             (reads || self.given.outputs.is_some())
                 && (1..=MOST_DEGREE.max(self.given.degree.unwrap_or(0))).contains(&order.degree)
         });
-        found
+        orders
     }
 }
 

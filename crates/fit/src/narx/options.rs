@@ -225,10 +225,10 @@ struct Past {
 impl Past {
     fn new(lags: Lags, section: &NarxSection, has_inputs: bool) -> Result<Self, Error> {
         let said = [("lags_out", section.lags_out), ("lags_in", section.lags_in)];
-        if let Some((own, _)) = said.iter().find(|(_, own)| own.is_some()) {
+        if let Some((entry, _)) = said.iter().find(|(_, value)| value.is_some()) {
             return Err(Error::conflict(format!(
                 "{} and {given_lags}: both set the number of earlier rows; remove one. {LAGS} counts the rows before the present one, of outputs{}",
-                NARX.entry(own),
+                NARX.entry(entry),
                 if has_inputs { " and inputs" } else { "" },
                 given_lags = LAGS.to(lags)
             )));

@@ -38,10 +38,10 @@ impl Fit<'_> {
             if specifications.is_empty() {
                 break;
             }
-            let found = made((&problem, &specifications, seed), source, progress)?;
-            let new = found.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>();
+            let partitioned = made((&problem, &specifications, seed), source, progress)?;
+            let new = partitioned.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>();
             notes.extend(new);
-            choices.extend(found.partitions.into_iter().map(|(specification, partition)| Choice {
+            choices.extend(partitioned.partitions.into_iter().map(|(specification, partition)| Choice {
                 partition: (specification != Specification::Average).then_some(partition),
                 specification,
                 seed,
@@ -62,14 +62,14 @@ impl Fit<'_> {
         (cut, folds): (&Spans<'_>, &[usize]),
         progress: &dyn Progress,
     ) -> Result<Vec<Vec<Partition>>, Error> {
-        let mut found = vec![Vec::new(); partitions.len()];
+        let mut of_partitions = vec![Vec::new(); partitions.len()];
         // Refinements of one seed begin with the same cells.
         let mut by_seed: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
         for (index, choice) in partitions.iter().enumerate().filter(|(_, choice)| choice.specification.fits_targets()) {
             by_seed.entry(choice.seed).or_default().push(index);
         }
         if by_seed.is_empty() {
-            return Ok(found);
+            return Ok(of_partitions);
         }
         let problem = self.task_of_regions()?.task.problem(self.step);
         for fold in 0..self.options.folds {
@@ -79,11 +79,14 @@ impl Fit<'_> {
                 let specifications: Vec<Specification> =
                     indices.iter().map(|&index| partitions[index].specification.clone()).collect();
                 let of_fold = Stages::fold(progress, fold, self.options.folds);
-                let own = made((&problem, &specifications, seed), &train, &of_fold)?.partitions;
-                indices.iter().zip(own).for_each(|(&index, (_, partition))| found[index].push(partition));
+                let partitions = made((&problem, &specifications, seed), &train, &of_fold)?.partitions;
+                indices
+                    .iter()
+                    .zip(partitions)
+                    .for_each(|(&index, (_, partition))| of_partitions[index].push(partition));
             }
         }
-        Ok(found)
+        Ok(of_partitions)
     }
 
     /// Task whose rows have all lags, for the regions, which have separate columns.
@@ -115,7 +118,7 @@ pub(crate) fn start_note(asked: &[Specification], chosen: &Choice) -> Option<Str
     if asked.contains(&chosen.specification) {
         return None;
     }
-    let mut refined = asked.iter().filter(|own| own.refined_from().as_ref() == Some(&chosen.specification));
+    let mut refined = asked.iter().filter(|partition| partition.refined_from().as_ref() == Some(&chosen.specification));
     let refined = refined.next()?;
     let start = &chosen.specification;
     Some(format!(
@@ -190,9 +193,9 @@ mod tests {
         let partitions = fit.partitions(&mut notes, &Silent).unwrap();
         assert!(notes.is_empty(), "{notes:?}");
         let (cut, folds) = Spans::folds(&source, options.folds, 0).unwrap();
-        let found = fit.anew(&partitions, (&cut, &folds), &Silent).unwrap();
+        let partitions_of_fold = fit.anew(&partitions, (&cut, &folds), &Silent).unwrap();
         // Those whose regions follow from where rows lie are made once.
-        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 3, 3, 3, 0]);
+        assert_eq!(partitions_of_fold.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 3, 3, 3, 0]);
         // Beside them stands what refinements start from, once.
         assert_eq!(partitions[5].specification, Specification::KMeans(4));
         let asked = &options.partitions;
@@ -201,7 +204,7 @@ mod tests {
                 && start_note(asked, &partitions[1]).is_none()
         );
         assert_eq!(with_starts(&asked[2..3]), asked[2..3]);
-        found
+        partitions_of_fold
     }
 
     /// The largest difference of two rules' numbers, over the largest number; infinite where they are others.

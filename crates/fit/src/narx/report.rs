@@ -49,10 +49,10 @@ pub struct NarxReport {
 }
 
 /// The best linear model with all terms of the lags of a candidate, among those that were tried; `None` where none was.
-pub(super) fn linear(own: Option<&NarxCandidate>, tried: &[NarxCandidate]) -> Option<NarxCandidate> {
-    let own = own?;
-    let order = NarxOrder { degree: 1, ..own.order };
-    let same = |other: &&NarxCandidate| other.order == order && other.partition == own.partition;
+pub(super) fn linear(narx_candidate: Option<&NarxCandidate>, tried: &[NarxCandidate]) -> Option<NarxCandidate> {
+    let linear = narx_candidate?;
+    let order = NarxOrder { degree: 1, ..linear.order };
+    let same = |other: &&NarxCandidate| other.order == order && other.partition == linear.partition;
     tried.iter().filter(same).max_by_key(|candidate| candidate.terms).cloned()
 }
 

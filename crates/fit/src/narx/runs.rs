@@ -66,9 +66,9 @@ pub fn free_runs_by_file(
     every: usize,
     progress: &dyn Progress,
 ) -> Result<FileRuns, Error> {
-    let mut found = FileRuns { files: Vec::new(), mean: Vec::new(), skipped: Vec::new() };
+    let mut file_runs = FileRuns { files: Vec::new(), mean: Vec::new(), skipped: Vec::new() };
     if !is_autoregression(model) {
-        return Ok(found);
+        return Ok(file_runs);
     }
     let view = dataset.view()?;
     let mut episodes: BTreeMap<usize, (PathBuf, Vec<usize>)> = BTreeMap::new();
@@ -85,12 +85,12 @@ pub fn free_runs_by_file(
         let spans = episodes.into_iter().map(|episode| (episode, 0..view.episodes()[episode].rows)).collect();
         let file = path.display().to_string();
         match scores(model, &Spans::new(&view, spans, every)?, progress)? {
-            Some(scores) => found.files.push(FileRun { file, scores }),
-            None => found.skipped.push(file),
+            Some(scores) => file_runs.files.push(FileRun { file, scores }),
+            None => file_runs.skipped.push(file),
         }
     }
-    found.mean = mean(&found.files);
-    Ok(found)
+    file_runs.mean = mean(&file_runs.files);
+    Ok(file_runs)
 }
 
 /// The mean of relative errors, of those outputs that move: where one rests, its error is relative to nothing (NaN). NaN where none moves.

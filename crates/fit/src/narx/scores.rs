@@ -19,7 +19,7 @@ pub struct NarxScores {
 /// One-step and free-run scores; `None` where no row can be scored.
 pub(super) fn scores(model: &Model, source: &dyn Source, progress: &dyn Progress) -> Result<Option<NarxScores>, Error> {
     let free_run = match free_run(model, source, &FreeRunOptions::default(), progress) {
-        Ok(found) => found,
+        Ok(free_run) => free_run,
         Err(fleetfoot_dynamics::Error::NoCompleteRow { .. }) => return Ok(None),
         Err(error) => return Err(error.into()),
     };

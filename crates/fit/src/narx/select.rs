@@ -142,7 +142,7 @@ impl Selection<'_> {
         let task = Arc::new(self.base.with(&orders)?);
         let whole = self.scan(&task, None, progress)?;
         let scale = (self.by != By::Search).then(|| scale(&whole)).transpose()?;
-        let mut found = Vec::new();
+        let mut models = Vec::new();
         for (index, choice) in self.partitions.iter().enumerate() {
             let partition = choice.partition.as_ref();
             let regions = partition.map(|partition| self.scan(&task, Some(partition), progress)).transpose()?;
@@ -157,7 +157,7 @@ impl Selection<'_> {
             })?;
             let criteria = parallel_map(jobs.len(), &Silent, |job| criteria(&sets, scale.as_ref(), &wanted[job]))?;
             for (((job, wanted), runs), criteria) in jobs.iter().zip(wanted).zip(runs.chunks(count)).zip(criteria) {
-                found.extend(wanted.into_iter().zip(criteria).enumerate().map(
+                models.extend(wanted.into_iter().zip(criteria).enumerate().map(
                     |(k, (Wanted { supports, .. }, criteria))| {
                         let folds: Vec<&Held> = runs.iter().map(|fold| &fold[k]).collect();
                         let candidate = candidate((index, choice), job.order, &supports, &folds, criteria);
@@ -166,7 +166,7 @@ impl Selection<'_> {
                 ));
             }
         }
-        Ok(found)
+        Ok(models)
     }
 
     /// Training statistics of a partition, from the scans of all rows with and without regions.
@@ -196,9 +196,9 @@ impl Selection<'_> {
                 let of = |(fold, partition): (usize, &'s Partition)| {
                     let of_fold = Stages::fold(progress, fold, self.held.len());
                     let scan = self.scan(task, Some(partition), &of_fold)?;
-                    let mut own = self.problems(whole, Some(&scan), fold..fold + 1, true);
+                    let mut problems = self.problems(whole, Some(&scan), fold..fold + 1, true);
                     let testing = self.testing(whole, Some(&scan), fold..fold + 1).pop().flatten();
-                    Ok(own.pop().map(|problems| Training {
+                    Ok(problems.pop().map(|problems| Training {
                         partition: Some(partition),
                         scan: Cow::Owned(scan),
                         problems,
@@ -262,9 +262,9 @@ impl Selection<'_> {
         } else {
             None
         };
-        let of = |own: &Wanted| {
-            let again = anew.as_ref().map(|trails| trails.supports(Some(own.count)));
-            let supports = again.as_deref().unwrap_or(&own.supports);
+        let of = |wanted: &Wanted| {
+            let again = anew.as_ref().map(|trails| trails.supports(Some(wanted.count)));
+            let supports = again.as_deref().unwrap_or(&wanted.supports);
             let terms = training.problems.refitted(supports)?;
             let coefficients = coefficients(&terms, sets.task.task.candidates());
             Ok(match (&training.testing, scale) {
@@ -301,9 +301,9 @@ fn wanted(sets: &Sets<'_>, job: &Job) -> Result<Vec<Wanted>, Error> {
     let counts = job.counts(columns.len());
     let trails = Trails::new(&sets.all, columns, job.terms, FrolsChoice::Last)?;
     let of = |count: usize| Wanted { count, supports: trails.supports(Some(count)) };
-    let mut found: Vec<Wanted> = counts.into_iter().map(of).collect();
-    found.dedup_by(|later, earlier| later.supports == earlier.supports);
-    Ok(found)
+    let mut sizes: Vec<Wanted> = counts.into_iter().map(of).collect();
+    sizes.dedup_by(|later, earlier| later.supports == earlier.supports);
+    Ok(sizes)
 }
 
 /// The root mean square over the outputs that move; infinite where no run could begin, NaN where no output moves.
@@ -330,18 +330,18 @@ fn scale(whole: &SystemScan) -> Result<Scale, Error> {
     let candidates = problem.columns();
     let terms = Problems { whole: problem, regions: Vec::new() }.refitted(&supports)?;
     let fitted = coefficients(&terms, candidates);
-    let independent = fitted.first().map_or(1.0, |own| system_effective_rows(whole, 0, true, own.as_ref()));
+    let independent = fitted.first().map_or(1.0, |fit| system_effective_rows(whole, 0, true, fit.as_ref()));
     Ok(Scale { independent, variance })
 }
 
 /// Information criteria, on the statistic of all rows, of the models of an order.
 fn criteria(sets: &Sets<'_>, scale: Option<&Scale>, wanted: &[Wanted]) -> Result<Vec<Criteria>, Error> {
-    let of = |own: &Wanted| {
-        let coefficients_of = count(&own.supports);
+    let of = |wanted: &Wanted| {
+        let coefficients_of = count(&wanted.supports);
         let Some(scale) = scale else {
             return Ok(Criteria { coefficients: coefficients_of, bic: None, aic: None });
         };
-        let terms = sets.all.refitted(&own.supports)?;
+        let terms = sets.all.refitted(&wanted.supports)?;
         let (error, weight) = sets.all.error(&coefficients(&terms, sets.task.task.candidates()));
         Ok(Criteria {
             coefficients: coefficients_of,
@@ -354,9 +354,14 @@ fn criteria(sets: &Sets<'_>, scale: Option<&Scale>, wanted: &[Wanted]) -> Result
 
 /// Coefficients of all regions and equations; those of all rows, which starved regions share, count once.
 fn count(supports: &[Vec<Support>]) -> usize {
-    let own = supports.iter().flatten().filter(|own| !own.shared).map(|own| own.columns.len()).sum::<usize>();
-    let shared = supports.iter().filter(|equations| equations.iter().any(|own| own.shared));
-    own + shared.map(|equations| equations.iter().map(|own| own.columns.len()).sum()).max().unwrap_or(0)
+    let functions = supports
+        .iter()
+        .flatten()
+        .filter(|functions| !functions.shared)
+        .map(|functions| functions.columns.len())
+        .sum::<usize>();
+    let shared = supports.iter().filter(|equations| equations.iter().any(|equation| equation.shared));
+    functions + shared.map(|equations| equations.iter().map(|equation| equation.columns.len()).sum()).max().unwrap_or(0)
 }
 
 fn candidate(

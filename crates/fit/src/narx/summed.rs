@@ -138,8 +138,8 @@ impl<'a> Sums<'a> {
         let [one] = options.partitions.as_slice() else { return Err(unserved(self.file)) };
         let wanted = placeholder(Some(one), &task.task.partition_columns);
         let system = System { partition: wanted, ..task.task.system() };
-        let found = self.equations.covering(&system).map(|(group, _)| group.plan.system.partition.clone());
-        let partition = found.ok_or_else(|| unserved(self.file))?;
+        let partitions = self.equations.covering(&system).map(|(group, _)| group.plan.system.partition.clone());
+        let partition = partitions.ok_or_else(|| unserved(self.file))?;
         Ok(vec![Choice { specification: one.clone(), partition, seed: options.seed }])
     }
 }
@@ -231,9 +231,9 @@ pub(crate) fn served(file: &StatisticFile) -> Vec<String> {
     let Ok(recipe) = Recipe::parse(&file.recipe, "the recipe of the statistic") else { return Vec::new() };
     let Ok(Some(summed)) = Summed::of(&EquationStatistic::whole(&recipe), &file.fields) else { return Vec::new() };
     let system = summed.system();
-    let own = equations.groups.iter().filter(|group| {
+    let groups = equations.groups.iter().filter(|group| {
         let held = &group.plan.system;
         (&held.functions, &held.targets) == (&system.functions, &system.targets)
     });
-    own.map(|group| group.name().to_owned()).collect()
+    groups.map(|group| group.name().to_owned()).collect()
 }

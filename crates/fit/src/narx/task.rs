@@ -181,13 +181,13 @@ impl NarxBase {
     /// the predicted row.
     pub(crate) fn lags(&self, outputs: usize, inputs: usize) -> EquationTask {
         let functions = match &self.candidates {
-            Candidates::Polynomial { outputs: own, inputs: given } => {
+            Candidates::Polynomial { outputs: signals, inputs: given } => {
                 let of = |exprs: &[Expr], first: i32, lags: usize| {
                     let lagged =
                         exprs.iter().flat_map(|expr| (0..lags).map(move |lag| expr.shifted(first + lag as i32)));
                     lagged.collect::<Vec<Expr>>()
                 };
-                [of(own, 0, outputs), of(given, -1, inputs)].concat()
+                [of(signals, 0, outputs), of(given, -1, inputs)].concat()
             }
             Candidates::Additive(_) => Vec::new(),
         };

@@ -74,8 +74,8 @@ impl Trails {
             }
         };
         let trails = |problem: &Compressed| -> Result<Vec<Trail>, ThresholdError> {
-            let own = problem.select(&columns);
-            (0..own.targets()).map(|t| optimize(&own, t, &optimizer, &Terms::all())).collect()
+            let selected = problem.select(&columns);
+            (0..selected.targets()).map(|t| optimize(&selected, t, &optimizer, &Terms::all())).collect()
         };
         let regions = problems.regions.iter().map(|problem| {
             // A region without rows has the model of all.
@@ -96,11 +96,11 @@ impl Trails {
             return vec![whole(false)];
         }
         let region = |(rows, trails): &(u64, Vec<Trail>)| {
-            let own: Vec<EquationTerms> = trails.iter().map(|trail| one(trail, false)).collect();
+            let terms: Vec<EquationTerms> = trails.iter().map(|trail| one(trail, false)).collect();
             // Fewer than two rows a term say little about the terms.
-            let most = own.iter().map(|equation| equation.terms.len() as u64).max();
+            let most = terms.iter().map(|equation| equation.terms.len() as u64).max();
             match most {
-                Some(most) if *rows >= 2 * most && *rows > 0 => own,
+                Some(most) if *rows >= 2 * most && *rows > 0 => terms,
                 _ => whole(true),
             }
         };
@@ -138,8 +138,8 @@ impl Problems {
     pub(crate) fn error(&self, coefficients: &[Mat<f64>]) -> (Vec<f64>, f64) {
         let rows = if self.regions.is_empty() { std::slice::from_ref(&self.whole) } else { &self.regions };
         let mut error = vec![0.0; self.whole.targets()];
-        for (problem, own) in rows.iter().zip(coefficients).filter(|(problem, _)| problem.weight > 0.0) {
-            error.iter_mut().zip(problem.error(own.as_ref())).for_each(|(sum, error)| *sum += error);
+        for (problem, coefficient) in rows.iter().zip(coefficients).filter(|(problem, _)| problem.weight > 0.0) {
+            error.iter_mut().zip(problem.error(coefficient.as_ref())).for_each(|(sum, error)| *sum += error);
         }
         (error, rows.iter().map(|problem| problem.weight).sum())
     }
@@ -169,8 +169,8 @@ impl Problems {
         optimizer: impl Fn(usize) -> Optimizer,
     ) -> Result<Vec<Vec<EquationTerms>>, ThresholdError> {
         let one = |region: usize, target: usize, support: &Support| {
-            let own = self.rows_of(region, support).select(&support.columns);
-            let trail = optimize(&own, target, &optimizer(support.columns.len()), &Terms::all())?;
+            let selected = self.rows_of(region, support).select(&support.columns);
+            let trail = optimize(&selected, target, &optimizer(support.columns.len()), &Terms::all())?;
             Ok(EquationTerms::of(&trail, trail.steps.len() - 1, &support.columns, support.shared))
         };
         let equations = |(region, supports): (usize, &Vec<Support>)| {

@@ -25,14 +25,17 @@ impl Bound {
     }
 
     /// Contraction of a model of the set.
-    pub(crate) fn told(&self, before: &Stability, model: &Model) -> Bounded {
-        let told = self.0.told(before, model);
-        let greatest = |of: fn(&fleetfoot_pwa::StableRegion) -> f64| told.regions.iter().map(of).fold(0.0, f64::max);
+    pub(crate) fn stability_of(&self, before: &Stability, model: &Model) -> Bounded {
+        let stability = self.0.stability_of(before, model);
+        let greatest =
+            |of: fn(&fleetfoot_pwa::StableRegion) -> f64| stability.regions.iter().map(of).fold(0.0, f64::max);
         Bounded {
-            bound: told.bound,
+            bound: stability.bound,
             radius: greatest(|one| one.radius),
             norm: greatest(|one| one.norm),
-            passive_norm: told.passivity.map(|own| own.regions.iter().map(|one| one.norm).fold(0.0, f64::max)),
+            passive_norm: stability
+                .passivity
+                .map(|passivity| passivity.regions.iter().map(|one| one.norm).fold(0.0, f64::max)),
         }
     }
 }
@@ -50,8 +53,8 @@ fn weights(model: &Model, normal: &NormalBlocks) -> Option<Vec<RegionWeight>> {
     let blocks: Vec<_> = normal.blocks().collect();
     let place = |coefficient: &Coefficient| coefficient.function.map_or(0, |j| j + 1);
     let of_region = |(at, region): (usize, &fleetfoot_model::RegionSummary)| {
-        let own = blocks.get(at * latents..(at + 1) * latents)?;
-        let (range, values) = own.first()?;
+        let block = blocks.get(at * latents..(at + 1) * latents)?;
+        let (range, values) = block.first()?;
         let scale = region.rows.max(1) as f64 / values[0];
         let mut products =
             Mat::from_fn(p + 1, p + 1, |i, j| if i == j { UNUSED * region.rows.max(1) as f64 } else { 0.0 });
@@ -60,7 +63,7 @@ fn weights(model: &Model, normal: &NormalBlocks) -> Option<Vec<RegionWeight>> {
                 products[(place(left), place(right))] = scale * values[i * range.len() + j];
             }
         }
-        Some(RegionWeight::new(products, own.iter().map(|(_, block)| block[0] / values[0]).collect()))
+        Some(RegionWeight::new(products, block.iter().map(|(_, block)| block[0] / values[0]).collect()))
     };
     summary.regions.iter().enumerate().map(of_region).collect()
 }

@@ -101,8 +101,9 @@ impl Refinement {
     /// The chosen weight of the prior, in words; empty without a prior.
     fn weights_in_words(&self) -> String {
         let Some(weight) = self.fitted.weight.filter(|_| !self.weights.is_empty()) else { return String::new() };
-        let told = |own: &super::WeightErrors| format!("{} ({:.4}, {:.4})", own.weight, own.rollouts, own.far);
-        let tried: Vec<String> = self.weights.iter().map(told).collect();
+        let text =
+            |errors: &super::WeightErrors| format!("{} ({:.4}, {:.4})", errors.weight, errors.rollouts, errors.far);
+        let tried: Vec<String> = self.weights.iter().map(text).collect();
         format!(
             "The error of one step weighs {weight} of the squared number of steps, of {}: rollouts of {} and of {} steps, held out.\n",
             tried.join(", "),
@@ -113,7 +114,7 @@ impl Refinement {
 
     /// The contraction of the maps, in words; empty without a bound.
     fn bound_in_words(&self) -> String {
-        self.bound.map_or_else(String::new, |own| format!("Its regions {}\n", own.in_words()))
+        self.bound.map_or_else(String::new, |bound| format!("Its regions {}\n", bound.in_words()))
     }
 }
 
@@ -134,7 +135,7 @@ impl Serialize for Refinement {
     /// The same for programs; pairs are before and after.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
-        struct Told<'a> {
+        struct Content<'a> {
             steps: usize,
             folds: usize,
             coefficients: usize,
@@ -167,7 +168,7 @@ impl Serialize for Refinement {
         };
         let (rule, fitted) = (&self.rule, &self.fitted);
         let (ended_rollouts, rollouts) = self.ended();
-        Told {
+        Content {
             steps: rule.horizon,
             folds: rule.folds,
             coefficients: fitted.coefficients.len(),
@@ -207,12 +208,12 @@ pub(crate) struct Coefficients<'a> {
 impl<'a> Coefficients<'a> {
     /// Of the fitted equation `target` of a task, in a model of that task.
     pub(crate) fn new(task: &EquationTask, model: &'a Model, target: usize) -> Self {
-        let latent = model.latents.iter().find(|own| own.name == task.fitted[target].latent);
+        let latent = model.latents.iter().find(|latent| latent.name == task.fitted[target].latent);
         let features: Vec<Option<Expr>> = latent.map_or_else(Vec::new, |latent| {
             let library = model.libraries.get(latent.library).map_or(&[][..], |library| library);
             (0..latent.map.features()).map(|j| latent.map.expression(j, library)).collect()
         });
-        let place = |function: &Expr| features.iter().position(|own| own.as_ref() == Some(function));
+        let place = |function: &Expr| features.iter().position(|feature| feature.as_ref() == Some(function));
         Self { latent, features: task.functions.iter().map(place).collect(), constant: task.constant }
     }
 

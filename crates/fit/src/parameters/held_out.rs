@@ -16,7 +16,7 @@ use crate::{
 pub(super) fn held_out(
     task: &ParametersTask,
     open: &Model,
-    found: &Found,
+    estimate: &Found,
     (source, smoothed): (&dyn Source, usize),
     options: &EstimateOptions,
     notes: &mut Vec<String>,
@@ -26,7 +26,7 @@ pub(super) fn held_out(
         notes.push("no rows are held out (folds = 0): all errors are in-sample".into());
         return Ok(None);
     }
-    match rollouts(task, open, found, (source, smoothed), options, progress) {
+    match rollouts(task, open, estimate, (source, smoothed), options, progress) {
         Ok(held_out) => Ok(Some(held_out)),
         Err(Error::Cancelled(cancelled)) => Err(cancelled.into()),
         Err(error) => {
@@ -39,7 +39,7 @@ pub(super) fn held_out(
 fn rollouts(
     task: &ParametersTask,
     open: &Model,
-    found: &Found,
+    estimate: &Found,
     (source, smoothed): (&dyn Source, usize),
     options: &EstimateOptions,
     progress: &dyn Progress,
@@ -50,14 +50,14 @@ fn rollouts(
     let (mut ended, mut starts) = (0, 0);
     held.each(|train, rows| {
         // Nothing of the held-out rows corrects the simulations of any method.
-        let refitted = again(task, open, train, options, found, progress)?;
+        let refitted = again(task, open, train, options, estimate, progress)?;
         let mut simulation = RolloutOptions::new(rule.horizon);
         // As the parameters were fitted.
         simulation.method = Method::Rk4;
-        let own = held.simulated(&closed(open, task, &refitted), rows, &Starts::Even(rule.starts), &simulation)?;
-        shares.push(own.share);
-        ended += own.ended;
-        starts += own.starts;
+        let rollouts = held.simulated(&closed(open, task, &refitted), rows, &Starts::Even(rule.starts), &simulation)?;
+        shares.push(rollouts.share);
+        ended += rollouts.ended;
+        starts += rollouts.starts;
         Ok(())
     })?;
     Ok(ParametersHeldOut { horizon: rule.horizon, folds: shares, ended, starts })

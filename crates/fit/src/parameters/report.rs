@@ -31,7 +31,7 @@ pub struct ParametersReport {
     /// Standard deviation of the noise: of the measured states; by filter error of their innovations; by equation error
     /// of the derivatives.
     pub noise: Vec<(String, f64)>,
-    /// The same without `[constraints]`, where there are any and something is found: their price.
+    /// The same without `[constraints]`, where there are any and something is estimate: their price.
     pub free_noise: Vec<f64>,
     /// Bounds of matrices of parameters.
     pub limits: Vec<LimitReport>,
@@ -100,9 +100,9 @@ pub struct GainInterval {
 }
 
 impl From<&Gain> for GainInterval {
-    fn from(own: &Gain) -> Self {
-        let (name, value, standard_error) = (own.state.clone(), own.value, own.error);
-        Self { name, value, standard_error, interval: own.interval(), at_bound: own.at_bound }
+    fn from(gain: &Gain) -> Self {
+        let (name, value, standard_error) = (gain.state.clone(), gain.value, gain.error);
+        Self { name, value, standard_error, interval: gain.interval(), at_bound: gain.at_bound }
     }
 }
 
@@ -140,7 +140,7 @@ impl ParametersHeldOut {
 /// Result of a method.
 pub(super) enum Found {
     Equation(EquationError),
-    Simulated { found: OutputError, filter: Option<Filter> },
+    Simulated { estimate: OutputError, filter: Option<Filter> },
 }
 
 /// Results of a filter beside the parameters.
@@ -150,14 +150,14 @@ pub(super) struct Filter {
 }
 
 impl From<OutputError> for Found {
-    fn from(found: OutputError) -> Self {
-        Self::Simulated { found, filter: None }
+    fn from(output_error: OutputError) -> Self {
+        Self::Simulated { estimate: output_error, filter: None }
     }
 }
 
 impl From<FilterError> for Found {
-    fn from(FilterError { parameters: found, gains, innovations, .. }: FilterError) -> Self {
-        Self::Simulated { found, filter: Some(Filter { gains, innovations }) }
+    fn from(FilterError { parameters: estimate, gains, innovations, .. }: FilterError) -> Self {
+        Self::Simulated { estimate, filter: Some(Filter { gains, innovations }) }
     }
 }
 
@@ -172,64 +172,69 @@ impl Found {
 
     pub(super) fn values(&self) -> &[f64] {
         match self {
-            Self::Equation(found) => &found.estimate.values,
-            Self::Simulated { found, .. } => &found.values,
+            Self::Equation(equation) => &equation.estimate.values,
+            Self::Simulated { estimate, .. } => &estimate.values,
         }
     }
 
     /// As [`ParametersReport::noise`].
     fn deviations(&self) -> &[f64] {
         match self {
-            Self::Equation(found) => &found.deviations,
-            Self::Simulated { found, .. } => &found.deviations,
+            Self::Equation(equation) => &equation.deviations,
+            Self::Simulated { estimate, .. } => &estimate.deviations,
         }
     }
 
     fn undetermined(&self) -> &[usize] {
         match self {
-            Self::Equation(found) => &found.estimate.undetermined,
-            Self::Simulated { found, .. } => &found.undetermined,
+            Self::Equation(equation) => &equation.estimate.undetermined,
+            Self::Simulated { estimate, .. } => &estimate.undetermined,
         }
     }
 
     fn at_bounds(&self) -> &[usize] {
         match self {
-            Self::Equation(found) => &found.estimate.at_bounds,
-            Self::Simulated { found, .. } => &found.at_bounds,
+            Self::Equation(equation) => &equation.estimate.at_bounds,
+            Self::Simulated { estimate, .. } => &estimate.at_bounds,
         }
     }
 
     /// With the correlation of the residuals, for which equation error takes that within chunks of rows.
     pub(super) fn covariance(&self) -> Mat<f64> {
         match self {
-            Self::Equation(found) => found.estimate.clustered.clone().unwrap_or(found.estimate.covariance.clone()),
-            Self::Simulated { found, .. } => found.covariance.clone(),
+            Self::Equation(equation) => {
+                equation.estimate.clustered.clone().unwrap_or(equation.estimate.covariance.clone())
+            }
+            Self::Simulated { estimate, .. } => estimate.covariance.clone(),
         }
     }
 
     fn standard_errors(&self) -> Vec<f64> {
         match self {
-            Self::Equation(found) => {
-                found.estimate.clustered_errors().unwrap_or_else(|| found.estimate.standard_errors())
+            Self::Equation(equation) => {
+                equation.estimate.clustered_errors().unwrap_or_else(|| equation.estimate.standard_errors())
             }
-            Self::Simulated { found, .. } => found.standard_errors(),
+            Self::Simulated { estimate, .. } => estimate.standard_errors(),
         }
     }
 
     fn white_errors(&self) -> Vec<f64> {
         match self {
-            Self::Equation(found) => found.estimate.standard_errors(),
-            Self::Simulated { found, .. } => (0..found.values.len()).map(|j| found.white[(j, j)].sqrt()).collect(),
+            Self::Equation(equation) => equation.estimate.standard_errors(),
+            Self::Simulated { estimate, .. } => {
+                (0..estimate.values.len()).map(|j| estimate.white[(j, j)].sqrt()).collect()
+            }
         }
     }
 
     pub(super) fn half_widths(&self) -> Vec<f64> {
         match self {
-            Self::Equation(found) => {
-                let factor = student_t_95((found.estimate.rows as usize).saturating_sub(found.estimate.values.len()));
+            Self::Equation(equation) => {
+                let factor =
+                    student_t_95((equation.estimate.rows as usize).saturating_sub(equation.estimate.values.len()));
                 self.standard_errors().iter().map(|error| factor * error).collect()
             }
-            Self::Simulated { found, .. } => found.half_widths(),
+            Self::Simulated { estimate, .. } => estimate.half_widths(),
         }
     }
 }
@@ -246,53 +251,55 @@ pub(super) fn word(method: EstimateMethod) -> &'static str {
 pub(super) fn report(
     task: &ParametersTask,
     open: &Model,
-    (found, free): (&Found, Option<&Found>),
+    (estimate, free): (&Found, Option<&Found>),
     held_out: Option<ParametersHeldOut>,
     mut summary: FitSummary,
 ) -> ParametersReport {
-    let (errors, white, half_widths) = (found.standard_errors(), found.white_errors(), found.half_widths());
+    let (errors, white, half_widths) = (estimate.standard_errors(), estimate.white_errors(), estimate.half_widths());
     let interval = |j: usize| {
-        let (own, value) = (&task.parameters[j], found.values()[j]);
+        let (parameter, value) = (&task.parameters[j], estimate.values()[j]);
         ParameterInterval {
-            name: own.name.clone(),
+            name: parameter.name.clone(),
             value,
             standard_error: errors[j],
             white_error: white[j],
             interval: [value - half_widths[j], value + half_widths[j]],
-            unit: own.unit.clone(),
-            fixed: own.fixed,
-            at_bound: found.at_bounds().contains(&j),
-            determined: !found.undetermined().contains(&j),
+            unit: parameter.unit.clone(),
+            fixed: parameter.fixed,
+            at_bound: estimate.at_bounds().contains(&j),
+            determined: !estimate.undetermined().contains(&j),
         }
     };
     let parameters: Vec<ParameterInterval> = (0..task.parameters.len()).map(interval).collect();
     let moves = |j: usize| !parameters[j].fixed && !parameters[j].at_bound && parameters[j].determined;
-    let confounded = confounded(&found.covariance(), &parameters, moves);
+    let confounded = confounded(&estimate.covariance(), &parameters, moves);
     // Six digits are what a person reads; the model has all.
     let rounded: Vec<f64> =
-        found.values().iter().map(|value| format!("{value:.5e}").parse().unwrap_or(*value)).collect();
-    let equation = |own: &fleetfoot_model::Equation| format!("{} = {}", own.label(), task.insert(&own.right, &rounded));
+        estimate.values().iter().map(|value| format!("{value:.5e}").parse().unwrap_or(*value)).collect();
+    let equation = |equation: &fleetfoot_model::Equation| {
+        format!("{} = {}", equation.label(), task.insert(&equation.right, &rounded))
+    };
     let equations = open.equations.iter().map(equation);
     let limit = |limit: &MatrixLimit| {
-        let clearance = |found: &Found| limit.clearance(found.values());
-        LimitReport::of_matrix(limit, clearance(found), free.map(clearance))
+        let clearance = |estimate: &Found| limit.clearance(estimate.values());
+        LimitReport::of_matrix(limit, clearance(estimate), free.map(clearance))
     };
     let limits = task.limits.iter().map(limit).collect();
-    let (noise, segments, memory, condition, gradient, converged) = match found {
-        Found::Equation(found) => {
+    let (noise, segments, memory, condition, gradient, converged) = match estimate {
+        Found::Equation(estimation) => {
             let labels = task.residuals.iter().map(|residual| residual.name.clone());
-            let converged = found.settled && found.estimate.status.converged();
-            let noise = labels.zip(found.deviations.iter().copied()).collect();
-            (noise, None, None, found.estimate.condition, found.estimate.gradient, converged)
+            let converged = estimation.settled && estimation.estimate.status.converged();
+            let noise = labels.zip(estimation.deviations.iter().copied()).collect();
+            (noise, None, None, estimation.estimate.condition, estimation.estimate.gradient, converged)
         }
-        Found::Simulated { found, .. } => {
-            let noise = found.outputs.iter().cloned().zip(found.deviations.iter().copied()).collect();
-            let segments = Some([found.beginnings.len(), found.missing]);
-            let converged = found.status != Status::Iterations;
-            (noise, segments, Some(found.memory), found.condition, found.gradient, converged)
+        Found::Simulated { estimate, .. } => {
+            let noise = estimate.outputs.iter().cloned().zip(estimate.deviations.iter().copied()).collect();
+            let segments = Some([estimate.beginnings.len(), estimate.missing]);
+            let converged = estimate.status != Status::Iterations;
+            (noise, segments, Some(estimate.memory), estimate.condition, estimate.gradient, converged)
         }
     };
-    let (gains, innovations) = match found {
+    let (gains, innovations) = match estimate {
         Found::Simulated { filter: Some(Filter { gains, innovations }), .. } => {
             let row = |i: usize| (0..innovations.ncols()).map(|j| innovations[(i, j)]).collect();
             (gains.iter().map(GainInterval::from).collect(), (0..innovations.nrows()).map(row).collect())
@@ -306,7 +313,7 @@ pub(super) fn report(
         );
     }
     ParametersReport {
-        method: found.method(),
+        method: estimate.method(),
         rows: open.training.rows,
         parameters,
         confounded,
@@ -319,7 +326,7 @@ pub(super) fn report(
         memory,
         condition,
         gradient,
-        lasting: matches!(found, Found::Simulated { found, .. } if found.lasting),
+        lasting: matches!(estimate, Found::Simulated { estimate, .. } if estimate.lasting),
         converged,
         held_out,
         equations: equations.collect(),
@@ -332,55 +339,56 @@ fn confounded(
     parameters: &[ParameterInterval],
     free: impl Fn(usize) -> bool,
 ) -> Vec<ConfoundedPair> {
-    let mut found = Vec::new();
+    let mut pairs = Vec::new();
     for a in (0..parameters.len()).filter(|&a| free(a)) {
         for b in (a + 1..parameters.len()).filter(|&b| free(b)) {
             let correlation = covariance[(a, b)] / (covariance[(a, a)] * covariance[(b, b)]).sqrt();
             if correlation.abs() > CONFOUNDED {
                 let names = [parameters[a].name.clone(), parameters[b].name.clone()];
-                found.push(ConfoundedPair { names, correlation });
+                pairs.push(ConfoundedPair { names, correlation });
             }
         }
     }
-    found
+    pairs
 }
 
 impl ParametersReport {
     /// Warnings, in sentences: parameters that the rows do not determine or hardly distinguish; residuals that are
     /// correlated.
     pub fn warnings(&self) -> Vec<String> {
-        let mut told = Vec::new();
-        for own in self.parameters.iter().filter(|own| !own.determined) {
-            told.push(format!(
+        let mut warnings = Vec::new();
+        for parameter in self.parameters.iter().filter(|parameter| !parameter.determined) {
+            warnings.push(format!(
                 "The rows do not determine `{}`: fix it, or give logs in which its factor varies independently.",
-                own.name
+                parameter.name
             ));
         }
         for ConfoundedPair { names: [a, b], correlation } in &self.confounded {
-            told.push(format!(
+            warnings.push(format!(
                 "`{a}` and `{b}` are confounded (correlation {correlation:.3}): the rows determine a combination of them better than either one."
             ));
         }
-        for own in self.gains.iter().filter(|own| own.at_bound) {
-            told.push(match own.value > 0.5 {
+        for gain in self.gains.iter().filter(|gain| gain.at_bound) {
+            warnings.push(match gain.value > 0.5 {
                 false => format!(
                     "The gain of `{}` is at its bound 0: its measurements correct nothing, as by output error.",
-                    own.name
+                    gain.name
                 ),
                 true => format!(
                     "The gain of `{}` is at its bound 1: every step begins at its measurement, as by equation error.",
-                    own.name
+                    gain.name
                 ),
             });
         }
-        let ratio = |own: &ParameterInterval| own.standard_error / own.white_error;
+        let ratio =
+            |parameter_interval: &ParameterInterval| parameter_interval.standard_error / parameter_interval.white_error;
         let widest = self.parameters.iter().map(ratio).filter(|ratio| ratio.is_finite()).fold(1.0, f64::max);
         if let Some(rows) = self.memory.filter(|_| widest >= WIDER) {
-            told.push(format!(
+            warnings.push(format!(
                 "Residuals are correlated over {rows} rows, which the model does not explain: the intervals are up to {widest:.1} times as wide as those of white noise{}.",
                 if self.lasting { ", and may be too narrow: correlation over more rows was not examined" } else { "" }
             ));
         }
-        told
+        warnings
     }
 }

@@ -51,15 +51,15 @@ impl PwaOptions {
     /// The partitions to compare on so many rows, with maps of so many numbers a target: those of the recipe; where it names none those that rows bear, and of few rows
     /// refined ones too.
     pub(crate) fn partitions(&self, rows: u64, numbers: usize) -> Vec<Specification> {
-        let own = &self.identification.partitions;
+        let partitions = &self.identification.partitions;
         if !self.tried {
-            return own.clone();
+            return partitions.clone();
         }
         let refined = if rows <= FEW { Specification::parse_list(REFINED).unwrap_or_default() } else { Vec::new() };
         let borne = |partition: &Specification| {
             partition.clusters().is_none_or(|regions| (regions * numbers) as u64 * ROWS_A_NUMBER <= rows)
         };
-        own.iter().cloned().chain(refined).filter(borne).collect()
+        partitions.iter().cloned().chain(refined).filter(borne).collect()
     }
 
     /// Reads `[pwa]`, the partitions of `[model]`, and whether the recipe leaves a span open.
@@ -145,7 +145,7 @@ impl PwaOptions {
 
     /// The columns that partitions need beside the recipe's.
     pub(crate) fn labels(&self) -> Vec<String> {
-        self.identification.partitions.iter().filter_map(|own| own.label().map(str::to_owned)).collect()
+        self.identification.partitions.iter().filter_map(|partition| partition.label().map(str::to_owned)).collect()
     }
 
     /// Options of the identification for rows that are `step` seconds apart; `step` is 0 without a clock.
@@ -241,23 +241,29 @@ mod tests {
     #[test]
     fn words_are_read() {
         let default = options("").unwrap();
-        let mut own = Options::default();
-        assert_eq!(options("[pwa]\nfolds = 0\n").unwrap().identification.partitions, own.partitions);
-        own.partitions = Specification::parse_list(TRIED).unwrap();
+        let mut defaults = Options::default();
+        assert_eq!(options("[pwa]\nfolds = 0\n").unwrap().identification.partitions, defaults.partitions);
+        defaults.partitions = Specification::parse_list(TRIED).unwrap();
         // The library alone follows each map everywhere; a fit of a recipe does not.
-        own.outside = Outside::Average;
-        assert_eq!(options("[pwa]\nfolds = 0\nselect = \"bic\"\n").unwrap().identification.partitions, own.partitions);
-        assert_eq!(format!("{:?}", default.identification), format!("{own:?}"), "what is not said is the default");
+        defaults.outside = Outside::Average;
+        assert_eq!(
+            options("[pwa]\nfolds = 0\nselect = \"bic\"\n").unwrap().identification.partitions,
+            defaults.partitions
+        );
+        assert_eq!(format!("{:?}", default.identification), format!("{defaults:?}"), "what is not said is the default");
         assert_eq!((default.purge, default.rollouts), (None, None));
         let text = "[pwa]\nselect = \"bic\"\nfolds = 4\npurge = 0.25\nshrinkage = \"auto\"\nunseen_labels = \"pool\"\nseed = 3\nrestarts = 2\n\
                     iterations = 9\nmemory = 0.5\ntsqr = true\nstable = 0.99\n[model]\npartition = \"average,kmeans:4\"\n";
         let given = options(text).unwrap();
-        let found = &given.identification;
-        assert_eq!((found.selection, found.folds, found.shrinkage), (Selection::Bic, 4, Shrinkage::Auto));
-        assert_eq!((found.unseen, found.seed, found.restarts), (UnseenLabel::Pool, 3, 2));
-        assert_eq!((found.iterations, found.memory, found.tsqr), (9, 512 << 10, true));
-        assert_eq!(found.stability, Some(0.99));
-        assert_eq!(found.partitions, [Specification::Average, Specification::KMeans(4)]);
+        let identification = &given.identification;
+        assert_eq!(
+            (identification.selection, identification.folds, identification.shrinkage),
+            (Selection::Bic, 4, Shrinkage::Auto)
+        );
+        assert_eq!((identification.unseen, identification.seed, identification.restarts), (UnseenLabel::Pool, 3, 2));
+        assert_eq!((identification.iterations, identification.memory, identification.tsqr), (9, 512 << 10, true));
+        assert_eq!(identification.stability, Some(0.99));
+        assert_eq!(identification.partitions, [Specification::Average, Specification::KMeans(4)]);
         assert_eq!((given.of_step(0.01).purge, given.of_step(0.0).purge), (Some(25), None));
         assert_eq!(options("[pwa]\nshrinkage = 10").unwrap().identification.shrinkage, Shrinkage::Rows(10.0));
     }

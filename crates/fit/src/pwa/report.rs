@@ -25,23 +25,23 @@ impl FitReport for PwaReport {
 
 impl Serialize for PwaReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let found = &self.identification;
+        let identification = &self.identification;
         PwaFields {
-            hash: found.model.hash(),
-            rows: found.rows,
+            hash: identification.model.hash(),
+            rows: identification.rows,
             files: self.summary.files,
-            effective_rows: found.effective_rows,
-            targets: &found.targets,
-            sigma: &found.sigma,
-            held_out: found.held_out,
-            fold_rule: found.fold_rule.as_deref(),
-            condition: found.condition,
-            preconditioned_condition: found.preconditioned,
-            chosen: found.chosen,
-            chosen_by: found.rule,
-            intervals: interval_in_words(&found.basis),
-            candidates: (found.candidates.iter().enumerate())
-                .map(|(at, own)| Candidate { chosen: at == found.chosen, ..Candidate::from(own) })
+            effective_rows: identification.effective_rows,
+            targets: &identification.targets,
+            sigma: &identification.sigma,
+            held_out: identification.held_out,
+            fold_rule: identification.fold_rule.as_deref(),
+            condition: identification.condition,
+            preconditioned_condition: identification.preconditioned,
+            chosen: identification.chosen,
+            chosen_by: identification.rule,
+            intervals: interval_in_words(&identification.basis),
+            candidates: (identification.candidates.iter().enumerate())
+                .map(|(at, score)| Candidate { chosen: at == identification.chosen, ..Candidate::from(score) })
                 .collect(),
             summary: &self.summary,
         }

@@ -24,7 +24,7 @@ pub(super) fn move_residuals(before: &Model, model: &mut Model, roots: &BTreeMap
             root.error_products(coefficients.as_ref(), &constants)
         };
         let (old, new) = (products(before), products(model));
-        let Some(region) = model.summaries.first_mut().and_then(|own| own.regions.get_mut(at as usize)) else {
+        let Some(region) = model.summaries.first_mut().and_then(|summary| summary.regions.get_mut(at as usize)) else {
             return;
         };
         for ((moment, old), new) in region.residual_covariance.iter_mut().zip(&old).zip(&new) {

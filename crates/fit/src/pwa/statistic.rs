@@ -94,9 +94,9 @@ impl Summed {
         let partitions: Vec<SummedPartition<'_>> = partitions.collect();
         let mut options = options.clone();
         options.partitions = self.parts.iter().map(|(one, _)| one.clone()).collect();
-        let mut found = identify_summed(problem, &options, &self.whole, &partitions, &self.rows)?;
-        found.concentrated = self.whole.scan.concentrated().to_vec();
-        Ok(found)
+        let mut identification = identify_summed(problem, &options, &self.whole, &partitions, &self.rows)?;
+        identification.concentrated = self.whole.scan.concentrated().to_vec();
+        Ok(identification)
     }
 }
 
@@ -147,11 +147,11 @@ impl Part {
             Specification::Null | Specification::Average => None,
             one => Some(one.to_string()),
         };
-        let mut own = recipe.clone();
-        own.model.partition.clone_from(&one);
-        let (_, system) = piecewise(&own, &file.fields, file.step())?;
-        let found = file.equations.as_ref().and_then(|equations| equations.covering(&system));
-        let (group, places) = found.ok_or_else(|| unserved(file, one.as_deref()))?;
+        let mut recipe = recipe.clone();
+        recipe.model.partition.clone_from(&one);
+        let (_, system) = piecewise(&recipe, &file.fields, file.step())?;
+        let group = file.equations.as_ref().and_then(|equations| equations.covering(&system));
+        let (group, places) = group.ok_or_else(|| unserved(file, one.as_deref()))?;
         let scan = SystemScan::new(&group.plan, &group.sums)?;
         let halo = reached(system.expressions());
         let folds = if options.folds > 1 { Some(folds(&scan, options.folds, options.gap(halo))?) } else { None };
@@ -249,9 +249,9 @@ pub(crate) fn served(file: &StatisticFile) -> Vec<String> {
     let Some(equations) = &file.equations else { return Vec::new() };
     let Ok(recipe) = Recipe::parse(&file.recipe, "the recipe of the statistic") else { return Vec::new() };
     let is_served = |partition: &Option<String>| {
-        let mut own = recipe.clone();
-        own.model.partition.clone_from(partition);
-        piecewise(&own, &file.fields, 0.0).is_ok_and(|(_, system)| equations.covering(&system).is_some())
+        let mut recipe = recipe.clone();
+        recipe.model.partition.clone_from(partition);
+        piecewise(&recipe, &file.fields, 0.0).is_ok_and(|(_, system)| equations.covering(&system).is_some())
     };
     let mut partitions: Vec<Option<String>> = Vec::new();
     for group in &equations.groups {

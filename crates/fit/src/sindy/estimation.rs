@@ -59,23 +59,23 @@ pub(super) fn estimate(
         return joint(task, parameters, source, notes, progress);
     }
     let targets = targets(task);
-    let mut found = separable(&targets, &parameters, source, &options, progress)?;
+    let mut estimate = separable(&targets, &parameters, source, &options, progress)?;
     if targets.len() > 1 {
-        let weight = |at: usize| found.targets.get(at).map_or(1.0, |fit| fit.rms.powi(-2));
+        let weight = |at: usize| estimate.targets.get(at).map_or(1.0, |fit| fit.rms.powi(-2));
         let weights: Vec<f64> = (0..targets.len()).map(weight).collect();
         if weights.iter().all(|weight| weight.is_finite()) {
             let again: Vec<LinearTarget> =
                 targets.into_iter().zip(weights).map(|(target, weight)| target.weighted(weight)).collect();
             let near: Vec<fleetfoot_estimate::Parameter> = parameters
                 .iter()
-                .zip(&found.estimate.values)
+                .zip(&estimate.estimate.values)
                 .map(|(parameter, &value)| fleetfoot_estimate::Parameter { initial: value, ..parameter.clone() })
                 .collect();
             let options = SeparableOptions { iteration: options.iteration, ..SeparableOptions::default() };
-            found = separable(&again, &near, source, &options, progress)?;
+            estimate = separable(&again, &near, source, &options, progress)?;
         }
     }
-    Ok(reports(task, &found.estimate, notes))
+    Ok(reports(task, &estimate.estimate, notes))
 }
 
 /// Parameters in nominal parts or measured sides: all coefficients are parameters too, beginning at 0.
@@ -96,8 +96,8 @@ fn joint(
         }
         residuals.push(Residual { name: target.name, target: Expr::number(0.0), model, weight: 1.0 });
     }
-    let found = nonlinear_least_squares(&residuals, &parameters, source, &iteration(source), progress)?;
-    Ok(reports(task, &found, notes))
+    let minimum = nonlinear_least_squares(&residuals, &parameters, source, &iteration(source), progress)?;
+    Ok(reports(task, &minimum, notes))
 }
 
 /// The equations whose functions or targets have a parameter.
@@ -133,21 +133,21 @@ fn iteration(source: &dyn Source) -> Options {
     Options { chunk_rows: (source.rows() / CHUNKS).clamp(256, 65_536), ..Options::default() }
 }
 
-fn reports(task: &EquationTask, found: &Estimate, notes: &mut Vec<String>) -> Vec<ParameterReport> {
-    if !found.status.converged() {
-        notes.push(format!("the parameters did not converge in {} steps", found.iterations));
+fn reports(task: &EquationTask, estimate: &Estimate, notes: &mut Vec<String>) -> Vec<ParameterReport> {
+    if !estimate.status.converged() {
+        notes.push(format!("the parameters did not converge in {} steps", estimate.iterations));
     }
-    let errors = found.clustered_errors().unwrap_or_else(|| found.standard_errors());
+    let errors = estimate.clustered_errors().unwrap_or_else(|| estimate.standard_errors());
     let report = |(j, parameter): (usize, &Parameter)| {
-        if found.undetermined.contains(&j) {
+        if estimate.undetermined.contains(&j) {
             notes.push(format!("the rows do not determine `{}`", parameter.name));
         }
         ParameterReport {
             name: parameter.name.clone(),
-            value: found.values[j],
+            value: estimate.values[j],
             standard_error: errors[j],
             unit: parameter.unit.clone(),
-            at_bound: found.at_bounds.contains(&j),
+            at_bound: estimate.at_bounds.contains(&j),
         }
     };
     task.parameters.iter().enumerate().map(report).collect()

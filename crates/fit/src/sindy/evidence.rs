@@ -93,16 +93,16 @@ impl Evidence {
         let mut frozen = frozen.windowed(form, &dataset.view()?, notes)?;
         frozen.estimate(dataset, notes, progress)?;
         frozen.add_radial(recipe, (seed, dataset.step(), &dataset.view()?), notes, progress)?;
-        let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, notes, progress)?;
+        let mut evidence = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, notes, progress)?;
         if form == WeakForm::ByNoise
-            && let (Some(weak), Some(few)) = (&found.weak, found.few())
+            && let (Some(weak), Some(few)) = (&evidence.weak, evidence.few())
         {
             // Nobody asked for windows: where they are too few, rows are there still.
             let note = format!(
                 "the noise calls for windows of {} rows ({WEAK}), but {few}: single rows are used, and noise pulls coefficients towards zero",
                 weak.rows()
             );
-            drop(found);
+            drop(evidence);
             notes.truncate(before);
             let mut plain = recipe.clone();
             plain.sindy.weak = Some(Tunable::Word("off".into()));
@@ -111,15 +111,15 @@ impl Evidence {
                 (*dataset, *task) = Dataset::for_equations(&plain, logs, progress)?;
             }
             let carried = std::mem::replace(recipe, plain);
-            let found = Self::of_logs(opened, seed, logs, notes, progress);
+            let evidence = Self::of_logs(opened, seed, logs, notes, progress);
             opened.recipe = carried;
             notes.push(note);
-            return found;
+            return evidence;
         }
-        found.rows_read = Some(dataset.rows());
-        found.check()?;
-        task.clone_from(&found.task);
-        Ok(found)
+        evidence.rows_read = Some(dataset.rows());
+        evidence.check()?;
+        task.clone_from(&evidence.task);
+        Ok(evidence)
     }
 
     /// The evidence of rows, for choices made before their pass; the caller checks that the rows suffice
@@ -159,7 +159,7 @@ impl Evidence {
         let System { partition, weak, .. } = system;
         let used: BTreeSet<_> = scan.units().iter().map(|unit| unit.episode).collect();
         let Frozen { task, parameters } = frozen;
-        let mut found = Self {
+        let mut evidence = Self {
             episodes: used.iter().filter_map(|id| known.get(id).cloned()).collect(),
             resolution: Vec::new(),
             rounding: Vec::new(),
@@ -172,9 +172,9 @@ impl Evidence {
             shared_rows,
             rows_read: None,
         };
-        found.rounding = found.rounding_of();
-        found.resolution = found.resolution_of(|_| 1.0);
-        found
+        evidence.rounding = evidence.rounding_of();
+        evidence.resolution = evidence.resolution_of(|_| 1.0);
+        evidence
     }
 
     /// Mean squared error of the differences, with a margin, on the units of positive weight; that on all rows where none of theirs was sampled.

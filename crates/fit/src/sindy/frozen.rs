@@ -86,9 +86,9 @@ impl Frozen {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let problem = self.task.problem(step);
-        let found = radial::found(recipe, &self.task.variables, &problem, (seed, source), notes, progress)?;
-        if let Some(found) = found {
-            self.task = self.task.clone().with_radial(found, recipe);
+        let functions = radial::functions(recipe, &self.task.variables, &problem, (seed, source), notes, progress)?;
+        if let Some(functions) = functions {
+            self.task = self.task.clone().with_radial(functions, recipe);
         }
         Ok(())
     }

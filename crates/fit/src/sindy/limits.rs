@@ -31,9 +31,9 @@ pub(super) fn free(
 
 /// Reports the errors without the bounds, and the distances of coefficients to them.
 pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Solved>], report: &mut SindyReport) {
-    for (region, (found, free)) in report.regions.iter_mut().zip(free).enumerate() {
+    for (region, (bounded, free)) in report.regions.iter_mut().zip(free).enumerate() {
         let weight = evidence.scan.root(region).weight;
-        for (equation, free) in found.equations.iter_mut().zip(free) {
+        for (equation, free) in bounded.equations.iter_mut().zip(free) {
             let rms = (free.step.rss / weight).sqrt();
             equation.free = Some(FreeErrors { rms, held_out: free.held_out[0].sqrt() });
         }
@@ -46,8 +46,9 @@ pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Sol
                     && limit.clearance(value(regions, *region)) == 0.0
         };
         let held = (0..regions.len()).filter(broken).count();
-        let [own, free] = [regions, free].map(|of| (0..regions.len()).map(|at| value(of, at)).collect::<Vec<f64>>());
-        report.limits.push(LimitReport::of_coefficient(limit, &own, Some(&free), held));
+        let [bounded, free] =
+            [regions, free].map(|of| (0..regions.len()).map(|at| value(of, at)).collect::<Vec<f64>>());
+        report.limits.push(LimitReport::of_coefficient(limit, &bounded, Some(&free), held));
     }
     if !evidence.parameters.is_empty() {
         report
@@ -58,10 +59,10 @@ pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Sol
 }
 
 /// The terms of an equation that no bound holds.
-pub(super) fn loose(task: &EquationTask, target: usize, found: &Solved) -> Vec<usize> {
+pub(super) fn loose(task: &EquationTask, target: usize, solved: &Solved) -> Vec<usize> {
     let held = |j: usize| {
-        let own = task.limits.iter().filter(|limit| limit.owner == target && limit.candidate == j);
-        own.map(|limit| limit.clearance(found.step.coefficients[j])).any(|clearance| clearance == 0.0)
+        let limits = task.limits.iter().filter(|limit| limit.owner == target && limit.candidate == j);
+        limits.map(|limit| limit.clearance(solved.step.coefficients[j])).any(|clearance| clearance == 0.0)
     };
-    found.step.support.iter().copied().filter(|&j| !held(j)).collect()
+    solved.step.support.iter().copied().filter(|&j| !held(j)).collect()
 }

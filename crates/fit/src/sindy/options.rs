@@ -377,8 +377,8 @@ fn overruled(section: &SindySection) -> Option<&'static str> {
         (section.ensemble.is_some(), "ensemble"),
         (section.groups.is_some(), "groups"),
         (section.select.is_some(), "select"),
-        (section.optimizer.is_some_and(|own| own != SindyOptimizer::Auto), "an optimizer"),
-        (section.objective.is_some_and(|own| own != Objective::OneStep), "an objective of simulations"),
+        (section.optimizer.is_some_and(|optimizer| optimizer != SindyOptimizer::Auto), "an optimizer"),
+        (section.objective.is_some_and(|objective| objective != Objective::OneStep), "an objective of simulations"),
     ];
     said.into_iter().find(|(said, _)| *said).map(|(_, what)| what)
 }

@@ -18,15 +18,15 @@ impl SindyReport {
     /// Reports the equations of a model that was fitted to simulations: its coefficients, whose standard errors are not
     /// known, and its errors.
     pub(super) fn refine(&mut self, task: &EquationTask, model: &Model) {
-        let Some(refinement) = self.summary.refinement.as_ref().filter(|found| found.written) else { return };
+        let Some(refinement) = self.summary.refinement.as_ref().filter(|refinement| refinement.written) else { return };
         // What a region errs by is not told apart.
         let whole = self.regions.len() == 1;
         let places: Vec<Coefficients> = (0..task.fitted.len()).map(|t| Coefficients::new(task, model, t)).collect();
         for (at, region) in self.regions.iter_mut().enumerate() {
             for (target, equation) in region.equations.iter_mut().enumerate() {
                 for term in &mut equation.terms {
-                    let own = places[target].of(at, term.candidate);
-                    (term.coefficient, term.standard_error) = (own.unwrap_or(0.0), f64::NAN);
+                    let coefficient = places[target].of(at, term.candidate);
+                    (term.coefficient, term.standard_error) = (coefficient.unwrap_or(0.0), f64::NAN);
                 }
                 equation.right = report::right(task, target, &equation.terms);
                 let scores = &refinement.training.targets[target];

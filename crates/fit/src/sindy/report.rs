@@ -153,12 +153,13 @@ impl EquationReport {
     pub(super) fn choose_beside(&mut self, contributions: &[(String, f64)]) {
         self.front.iter_mut().for_each(|point| point.chosen = false);
         let place = self.front.partition_point(|point| point.terms <= contributions.len());
-        let own = |name: &str| contributions.iter().find(|(own, _)| own == name).map_or(0.0, |(_, value)| *value);
+        let contribution =
+            |name: &str| contributions.iter().find(|(function, _)| function == name).map_or(0.0, |(_, value)| *value);
         for (name, values) in &mut self.along {
-            values.insert(place, own(name));
+            values.insert(place, contribution(name));
         }
         for (name, value) in contributions {
-            if self.along.iter().all(|(own, _)| own != name) {
+            if self.along.iter().all(|(function, _)| function != name) {
                 let mut values = vec![0.0; self.front.len() + 1];
                 values[place] = *value;
                 self.along.push((name.clone(), values));
@@ -184,12 +185,12 @@ const ALONG: usize = 24;
 pub(super) fn equation(
     task: &EquationTask,
     target: usize,
-    found: &Solved,
+    solved: &Solved,
     problem: &Compressed,
     error: impl Fn(usize) -> f64,
 ) -> EquationReport {
-    let own = &task.fitted[target];
-    let step = &found.step;
+    let equation = &task.fitted[target];
+    let step = &solved.step;
     let (weight, total) = (problem.weight, problem.total[target]);
     let rms = |rss: f64| (rss / weight).sqrt();
     let terms: Vec<TermReport> = step
@@ -201,12 +202,12 @@ pub(super) fn equation(
             coefficient: step.coefficients[j],
             unit: task.coefficient_unit(target, j),
             standard_error: error(j),
-            inclusion: found.inclusion.as_ref().map(|shares| shares[j]),
-            fixed: own.fixed.contains(&j),
+            inclusion: solved.inclusion.as_ref().map(|shares| shares[j]),
+            fixed: equation.fixed.contains(&j),
         })
         .collect();
     let names = |columns: &[usize]| columns.iter().map(|&j| task.candidate(j)).collect::<Vec<_>>();
-    let sweep = &found.sweep;
+    let sweep = &solved.sweep;
     let mut shown = sweep.front.clone();
     if !shown.contains(&sweep.chosen) {
         shown.push(sweep.chosen);
@@ -223,25 +224,25 @@ pub(super) fn equation(
             functions: names(&step.support),
         }
     };
-    let (along, entered) = along(task, found, problem, &shown);
+    let (along, entered) = along(task, solved, problem, &shown);
     EquationReport {
-        label: own.label.clone(),
+        label: equation.label.clone(),
         right: right(task, target, &terms),
-        candidates: own.allowed.iter().filter(|allowed| **allowed).count(),
+        candidates: equation.allowed.iter().filter(|allowed| **allowed).count(),
         rms: rms(step.rss),
         // A region may rest where the others move: nothing is explained there.
         r2: if total > sweep.trail.rounding { 1.0 - step.rss / total } else { f64::NAN },
-        held_out: found.held_out[0].sqrt(),
-        held_out_r2: found.held_out[1],
+        held_out: solved.held_out[0].sqrt(),
+        held_out_r2: solved.held_out[1],
         free: None,
         parameter: step.parameter,
         correlation: step.certificate.correlation,
         front: shown.iter().map(point).collect(),
         along,
         entered,
-        inclusion: found.inclusion.clone(),
+        inclusion: solved.inclusion.clone(),
         confounded: step.confounded.iter().map(|group| names(group)).collect(),
-        difference: own.central.as_ref().and_then(|central| central.errors),
+        difference: equation.central.as_ref().and_then(|central| central.errors),
         terms,
     }
 }
@@ -249,11 +250,11 @@ pub(super) fn equation(
 /// Contribution of each function to the models of a front, the largest first, and the number of functions.
 fn along(
     task: &EquationTask,
-    found: &Solved,
+    solved: &Solved,
     problem: &Compressed,
     front: &[usize],
 ) -> (Vec<(String, Vec<f64>)>, usize) {
-    let steps = || front.iter().map(|&k| &found.sweep.trail.steps[k]);
+    let steps = || front.iter().map(|&k| &solved.sweep.trail.steps[k]);
     let rms = |j: usize| (problem.r.col_as_slice(j)[..=j].iter().map(|v| v * v).sum::<f64>() / problem.weight).sqrt();
     let members: std::collections::BTreeSet<usize> = steps().flat_map(|step| step.support.iter().copied()).collect();
     let contributions = |&j: &usize| {

@@ -23,7 +23,7 @@ use crate::{
 
 /// Equations that alternated with smoothed states.
 pub(super) struct Smoothed {
-    pub(super) told: StateSmoothing,
+    pub(super) report: StateSmoothing,
     /// Candidates x fitted equations.
     pub(super) coefficients: Mat<f64>,
     /// Their standard errors; 0 for candidates that are out.
@@ -120,7 +120,7 @@ pub(super) fn smoothed(
     }
     progress.stage("smooth states");
     match Alternation::new(recipe, options, evidence).run(chosen, source, progress) {
-        Ok(found) => Ok(Some(found)),
+        Ok(smoothing) => Ok(Some(smoothing)),
         Err(error @ Error::Cancelled(_)) => Err(error),
         Err(error) if options.smooth_states == SmoothStates::On => Err(error),
         Err(error) => {
@@ -183,28 +183,28 @@ impl<'a> Alternation<'a> {
         let open = self.task().open(&self.evidence.scan, self.provenance());
         let smoother = self.smoother(&open, view, progress)?;
         let search = self.search(&smoother, progress);
-        let found = search.run(&self.listed(chosen))?;
-        let settled = &found.place.settled;
+        let solution = search.run(&self.listed(chosen))?;
+        let settled = &solution.place.settled;
         let mut errors = vec![0.0; self.places.len()];
-        for (own, &at) in found.place.support.iter().enumerate() {
-            errors[at] = settled.covariance[own][own].sqrt();
+        for (column, &at) in solution.place.support.iter().enumerate() {
+            errors[at] = settled.covariance[column][column].sqrt();
         }
         let noise = smoother.states().iter().enumerate().map(|(s, state)| StateNoise {
             state: state.clone(),
-            measurement: found.variances.measurement[s].sqrt(),
-            process: found.variances.process[s].sqrt(),
+            measurement: solution.variances.measurement[s].sqrt(),
+            process: solution.variances.process[s].sqrt(),
         });
-        let held = self.held_out(&open, &found, view, progress)?;
+        let held = self.held_out(&open, &solution, view, progress)?;
         Ok(Smoothed {
-            told: StateSmoothing {
+            report: StateSmoothing {
                 rows: smoother.rows(),
                 segments: smoother.segments(),
                 candidates: self.places.len(),
                 noise: noise.collect(),
-                value: found.values,
+                value: solution.values,
                 price: search.price(),
-                tried: found.supports[1],
-                taken: found.supports[0],
+                tried: solution.supports[1],
+                taken: solution.supports[0],
                 promise: settled.promise,
                 converged: settled.converged,
                 folds: FOLDS,
@@ -222,7 +222,13 @@ impl<'a> Alternation<'a> {
     }
 
     /// Both ways on the training rows of every fold, and their errors on the held-out rows.
-    fn held_out(&self, open: &Model, found: &Found, view: &dyn Source, progress: &dyn Progress) -> Result<Held, Error> {
+    fn held_out(
+        &self,
+        open: &Model,
+        solution: &Found,
+        view: &dyn Source,
+        progress: &dyn Progress,
+    ) -> Result<Held, Error> {
         let rule = RolloutRule { folds: FOLDS, ..RolloutRule::new(1) };
         let smoothed = smoothed_rows(self.recipe.time.smoothed, self.evidence.step);
         let held = HeldOut::new((view, smoothed), rule, SMOOTH_STATES.to_string())?;
@@ -237,11 +243,11 @@ impl<'a> Alternation<'a> {
             let plain = equations(data(train), options, progress)?;
             let plain = coefficients_of(&plain, self.task(), 1).remove(0);
             // The variances of all rows serve, as a fold's would hardly differ; terms and coefficients are those of the training rows.
-            let (deviations, share) = (&found.variances.measurement[..], found.share);
-            let own = self.refitted(open, found, train, progress)?;
+            let (deviations, share) = (&solution.variances.measurement[..], solution.share);
+            let refitted = self.refitted(open, solution, train, progress)?;
             let smoother = self.smoother(open, rows, progress)?;
             let search = self.search(&smoother, progress);
-            for (sum, coefficients) in costs.iter_mut().zip([&self.listed(&plain), &own]) {
+            for (sum, coefficients) in costs.iter_mut().zip([&self.listed(&plain), &refitted]) {
                 *sum += match search.followed(coefficients, (deviations, share)) {
                     Ok(settled) => 2.0 * settled.cost,
                     Err(error @ Error::Cancelled(_)) => return Err(error),
@@ -253,7 +259,7 @@ impl<'a> Alternation<'a> {
             let evidence = Evidence::of_rows(recipe, options.seed, frozen, step, rows, &mut Vec::new(), progress)?;
             let problem = evidence.scan.root(0).compressed(self.task().constant);
             weight += problem.weight;
-            let left = problem.error(self.matrix(&own).as_ref());
+            let left = problem.error(self.matrix(&refitted).as_ref());
             for (t, sum) in sums.iter_mut().enumerate() {
                 *sum = [sum[0] + left[t], sum[1] + problem.total[t]];
             }
@@ -267,14 +273,14 @@ impl<'a> Alternation<'a> {
     fn refitted(
         &self,
         open: &Model,
-        found: &Found,
+        solution: &Found,
         train: &dyn Source,
         progress: &dyn Progress,
     ) -> Result<Vec<f64>, Error> {
         let smoother = self.smoother(open, train, progress)?;
         let search = self.search(&smoother, progress);
-        let (deviations, share) = (&found.variances.measurement[..], found.share);
-        Ok(search.refitted(&found.place.settled.coefficients, (deviations, share))?.coefficients)
+        let (deviations, share) = (&solution.variances.measurement[..], solution.share);
+        Ok(search.refitted(&solution.place.settled.coefficients, (deviations, share))?.coefficients)
     }
 }
 
@@ -311,7 +317,7 @@ impl Smoothed {
             equation.right = report::right(task, t, &equation.terms);
             equation.rms = (left[t] / problem.weight).sqrt();
             equation.r2 = 1.0 - left[t] / problem.total[t];
-            [equation.held_out, equation.held_out_r2] = self.told.windows[t];
+            [equation.held_out, equation.held_out_r2] = self.report.windows[t];
             equation.parameter = equation.terms.len() as f64;
             equation.correlation = f64::NAN;
             equation.confounded.clear();

@@ -139,7 +139,7 @@ impl<'a> Solver<'a> {
             }
             solved.push(Solved {
                 step: sweep.choice().clone(),
-                held_out: sweep.folds.as_ref().map_or([f64::NAN; 2], |found| held.scores(found, sweep.chosen, target)),
+                held_out: sweep.folds.as_ref().map_or([f64::NAN; 2], |folds| held.scores(folds, sweep.chosen, target)),
                 sweep,
                 inclusion: None,
             });
@@ -147,8 +147,8 @@ impl<'a> Solver<'a> {
         if let Some((what, members)) = self.options.ensemble {
             self.agree(region, (&problem, &held), &terms, (what, members), &mut solved, progress)?;
         }
-        for (equation, found) in task.fitted.iter().zip(&solved) {
-            if found.step.support.is_empty() {
+        for (equation, solved) in task.fitted.iter().zip(&solved) {
+            if solved.step.support.is_empty() {
                 let place = if scan.regions() > 1 {
                     format!(" in region {}", self.evidence.region_name(region))
                 } else {
@@ -201,14 +201,14 @@ impl<'a> Solver<'a> {
             let options = SweepOptions { thresholds, rivals, choice, criteria, overlap };
             sweep(problem, folds, terms, &optimizer, &options, progress)
         };
-        let mut found = with(thresholds)?;
+        let mut sweeps = with(thresholds)?;
         if self.front && options.threshold.is_some() {
             // The models of other thresholds stand beside the one that was asked for.
-            for (own, others) in found.iter_mut().zip(with(every)?) {
-                beside(own, others);
+            for (sweep, others) in sweeps.iter_mut().zip(with(every)?) {
+                beside(sweep, others);
             }
         }
-        Ok(found)
+        Ok(sweeps)
     }
 
     fn overlap(&self) -> bool {
@@ -326,7 +326,7 @@ impl<'a> Solver<'a> {
             }
             Ensemble::Library => Vec::new(),
         };
-        for (target, found) in solved.iter_mut().enumerate() {
+        for (target, solution) in solved.iter_mut().enumerate() {
             let open = task.fitted[target].allowed.iter().filter(|allowed| **allowed).count();
             let free = open - task.fitted[target].fixed.len();
             let options = match what {
@@ -341,21 +341,21 @@ impl<'a> Solver<'a> {
                     probability: self.options.inclusion,
                 },
             };
-            let own = one(problem, target);
+            let system = one(problem, target);
             let replicates: Vec<Compressed> = replicates.iter().map(|replicate| one(replicate, target)).collect();
-            let optimizer = self.tuned(&found.step, problem.columns())?;
+            let optimizer = self.tuned(&solution.step, problem.columns())?;
             let terms = std::slice::from_ref(&terms[target]);
-            let mut agreed = ensemble(&own, &replicates, terms, &optimizer, &options, progress)?;
+            let mut agreed = ensemble(&system, &replicates, terms, &optimizer, &options, progress)?;
             let Some(agreed) = agreed.pop() else { continue };
-            let parameter = found.step.parameter;
-            found.step = agreed.model;
-            found.step.parameter = parameter;
+            let parameter = solution.step.parameter;
+            solution.step = agreed.model;
+            solution.step.parameter = parameter;
             if !held.folds.is_empty() {
-                let (model, place) = (std::slice::from_ref(&found.step), (target, &terms[0]));
+                let (model, place) = (std::slice::from_ref(&solution.step), (target, &terms[0]));
                 let scores = score_supports(model, &held.folds, place, &optimizer, self.overlap(), progress)?;
-                found.held_out = held.scores(&scores, 0, target);
+                solution.held_out = held.scores(&scores, 0, target);
             }
-            found.inclusion = Some(agreed.inclusion);
+            solution.inclusion = Some(agreed.inclusion);
         }
         Ok(())
     }
@@ -396,8 +396,8 @@ pub(crate) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
 fn independent(evidence: &Evidence, region: usize, problem: &Compressed, terms: &[Terms]) -> Result<f64, Error> {
     let mut coefficients = Mat::zeros(problem.columns(), problem.targets());
     for (target, terms) in terms.iter().enumerate() {
-        let found = optimize(problem, target, &Optimizer::LeastSquares, terms)?;
-        let values = &found.choice().coefficients;
+        let steps = optimize(problem, target, &Optimizer::LeastSquares, terms)?;
+        let values = &steps.choice().coefficients;
         values.iter().enumerate().for_each(|(j, &value)| coefficients[(j, target)] = value);
     }
     Ok(system_effective_rows(&evidence.scan, region, evidence.task.constant, coefficients.as_ref()))
@@ -456,10 +456,10 @@ fn of_size(sweep: &Sweep, most: usize) -> usize {
 }
 
 /// Puts the front of other models beside the one model of `own`.
-fn beside(own: &mut Sweep, others: Sweep) {
+fn beside(sweep: &mut Sweep, others: Sweep) {
     let mut others = others;
-    let chosen = own.choice().clone();
-    if let (Some(all), Some(one)) = (&mut others.folds, &own.folds) {
+    let chosen = sweep.choice().clone();
+    if let (Some(all), Some(one)) = (&mut others.folds, &sweep.folds) {
         let (rows, count) = (all.errors.nrows(), all.errors.ncols());
         all.errors =
             Mat::from_fn(
@@ -473,5 +473,5 @@ fn beside(own: &mut Sweep, others: Sweep) {
     others.trail.steps.push(chosen);
     others.chosen = others.trail.steps.len() - 1;
     others.front = others.trail.front();
-    *own = others;
+    *sweep = others;
 }

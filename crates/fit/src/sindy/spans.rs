@@ -15,14 +15,15 @@ pub(super) fn spanned(task: &EquationTask, recipe: &Recipe, over: Option<u32>) -
         let equations = task.equations.iter_mut().filter(|one| one.subject == name && one.target.is_some());
         for equation in equations {
             let latents = equation.right.columns();
-            let own = task.fitted.iter_mut().find(|own| latents.iter().any(|latent| **latent == *own.latent));
-            let Some(own) = own else { continue };
-            own.measure(measured.clone());
+            let fitted =
+                task.fitted.iter_mut().find(|candidate| latents.iter().any(|latent| **latent == *candidate.latent));
+            let Some(fitted) = fitted else { continue };
+            fitted.measure(measured.clone());
             equation.target = Some(measured.clone());
             if over.is_some() {
-                (own.central, own.difference) = (None, None);
+                (fitted.central, fitted.difference) = (None, None);
             }
-            own.label = equation.label();
+            fitted.label = equation.label();
         }
     }
     task

@@ -55,7 +55,7 @@ pub struct StateNoise {
 impl StateSmoothing {
     /// The smoothing and its effect, in sentences.
     pub fn in_words(&self) -> String {
-        let deviation = |own: &StateNoise| format!("{} {}", own.state, short(own.measurement));
+        let deviation = |state_noise: &StateNoise| format!("{} {}", state_noise.state, short(state_noise.measurement));
         let noise: Vec<String> = self.noise.iter().map(deviation).collect();
         let [before, after] = self.value;
         let [plain, smoothed] = self.held_out;

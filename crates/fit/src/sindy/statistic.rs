@@ -36,9 +36,9 @@ impl Evidence {
         let system = group.plan.system.clone();
         notes.extend(said(&task, group));
         let frozen = Frozen { task, parameters: Vec::new() };
-        let found = Self::new(frozen, system, scan, file.step(), &known).smoothed_over(scanned.time.smoothed);
-        found.check()?;
-        Ok(found)
+        let evidence = Self::new(frozen, system, scan, file.step(), &known).smoothed_over(scanned.time.smoothed);
+        evidence.check()?;
+        Ok(evidence)
     }
 }
 
@@ -105,7 +105,12 @@ fn over(mut task: EquationTask, scanned: &System) -> Result<EquationTask, Error>
     }
     for equation in &mut task.fitted {
         let mut allowed = vec![false; first + scanned.functions.len()];
-        equation.allowed.iter().zip(&places).filter(|(own, _)| **own).for_each(|(_, &place)| allowed[place] = true);
+        equation
+            .allowed
+            .iter()
+            .zip(&places)
+            .filter(|(is_allowed, _)| **is_allowed)
+            .for_each(|(_, &place)| allowed[place] = true);
         equation.allowed = allowed;
         equation.fixed = equation.fixed.iter().map(|&j| places[j]).collect();
         equation.fixed.sort_unstable();

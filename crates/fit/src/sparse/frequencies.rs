@@ -27,15 +27,15 @@ pub fn write_frequencies(
     columns.extend(["coefficient", "standard_error", "lasso"].map(|name| WriteColumn::new(name, WriteKind::Float)));
     let options = WriteOptions { inputs: inputs.to_vec(), ..WriteOptions::default() };
     let mut writer = ParquetWriter::create(path, columns, &options)?;
-    for found in fitted {
-        let rows: Vec<(&str, &CandidateReport)> = found
+    for solution in fitted {
+        let rows: Vec<(&str, &CandidateReport)> = solution
             .report
             .latents
             .iter()
             .flat_map(|latent| latent.candidates.iter().map(|candidate| (latent.name.as_str(), candidate)))
             .collect();
         let number = |of: fn(&CandidateReport) -> f64| rows.iter().map(|(_, row)| of(row)).collect::<Vec<f64>>();
-        let values = vec![found.value.as_deref().unwrap_or_default(); rows.len()];
+        let values = vec![solution.value.as_deref().unwrap_or_default(); rows.len()];
         let latents: Vec<&str> = rows.iter().map(|(latent, _)| *latent).collect();
         let functions: Vec<&str> = rows.iter().map(|(_, row)| row.function.as_str()).collect();
         let frequency = number(|row| row.frequency.unwrap_or(f64::NAN));

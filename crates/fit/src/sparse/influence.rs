@@ -63,19 +63,19 @@ pub(super) fn leave_one_out(
         return Ok(None);
     }
     progress.stage("leave one out");
-    let found = match influence(&problem.banks, &problem.structure, &problem.assembly, &support, progress) {
-        Ok(found) => found,
+    let influence_of = match influence(&problem.banks, &problem.structure, &problem.assembly, &support, progress) {
+        Ok(influence) => influence,
         Err(error @ InferenceError::Cancelled(_)) => return Err(error.into()),
         Err(error) => {
             notes.push(format!("no influence of episodes: {}", reason(problem, &error)));
             return Ok(None);
         }
     };
-    let lost = found.episodes.iter().filter(|episode| episode.coefficients.is_empty()).count();
+    let lost = influence_of.episodes.iter().filter(|episode| episode.coefficients.is_empty()).count();
     if lost > 0 {
         notes.push(format!(
             "{lost} of {} episodes cannot be left out: the others do not determine the selected coefficients (Cook's distance is infinite)",
-            found.episodes.len()
+            influence_of.episodes.len()
         ));
     }
     let of = |episode: &Influence| EpisodeInfluence {
@@ -84,12 +84,12 @@ pub(super) fn leave_one_out(
         distance: episode.distance,
         in_sample: episode.in_sample.sqrt(),
         held_out: episode.held_out.sqrt(),
-        largest_change: largest_change(problem, &support, &found.coefficients, episode, errors),
+        largest_change: largest_change(problem, &support, &influence_of.coefficients, episode, errors),
     };
     Ok(Some(LeaveOneOutReport {
-        in_sample: found.mean_square.sqrt(),
-        held_out: found.held_out.sqrt(),
-        episodes: found.episodes.iter().map(of).collect(),
+        in_sample: influence_of.mean_square.sqrt(),
+        held_out: influence_of.held_out.sqrt(),
+        episodes: influence_of.episodes.iter().map(of).collect(),
     }))
 }
 

@@ -24,7 +24,9 @@ pub(super) fn percentile_intervals(
             return Ok(None);
         }
         let values = MatRef::from_column_major_slice(&values, values.len(), 1);
-        Ok(bootstrap_intervals(values, &[lasso[j]], LEVEL)?.first().map(|found| found.percentile))
+        Ok(bootstrap_intervals(values, &[lasso[j]], LEVEL)?
+            .first()
+            .map(|bootstrap_interval| bootstrap_interval.percentile))
     };
     support.iter().map(of).collect()
 }

@@ -69,8 +69,8 @@ pub(super) fn folds(
                 "{error}; without folds lambda can be given ({LAMBDA}), or chosen by {given_select}",
                 given_select = SELECT.to("bic")
             );
-            let found = problem.rows() as u64;
-            Err(if few { Error::too_few_rows(found, found + 1, message) } else { Error::undetermined(message) })
+            let rows = problem.rows() as u64;
+            Err(if few { Error::too_few_rows(rows, rows + 1, message) } else { Error::undetermined(message) })
         }
     }
 }
@@ -119,7 +119,7 @@ fn largest(problem: &Problem<'_>) -> Result<f64, Error> {
         Err(SparseError::NoLambdaMax { .. }) => {
             Estimator::from(ElasticNet::new(1e-3)).lambda_max(quadratic, penalty)?
         }
-        found => found?,
+        other => other?,
     })
 }
 
@@ -166,8 +166,8 @@ fn validate(
 ) -> Result<CrossValidation, Error> {
     progress.stage("folds");
     let select = SelectOptions { lambdas, estimator: problem.estimator.clone() };
-    let found = cross_validate(&problem.structure, &problem.banks, &problem.assembly, folds, &select, progress);
-    found.map_err(|error| match error {
+    let validation = cross_validate(&problem.structure, &problem.banks, &problem.assembly, folds, &select, progress);
+    validation.map_err(|error| match error {
         SelectError::Cancelled(cancelled) => cancelled.into(),
         error => Error::undetermined(format!(
             "held-out errors: {error}; lambda can be given ({LAMBDA}), or chosen by {given_select}",
@@ -190,11 +190,12 @@ fn by_criterion(problem: &Problem<'_>, options: &SparseOptions, criterion: Crite
     let measured = problem.structure.tasks.iter().filter(|task| !task.prior).count() as f64;
     let independent = effective_rows(&problem.structure, &problem.banks, &theta)?;
     let criteria = CriteriaOptions { observations: Some(independent * measured), ..CriteriaOptions::default() };
-    let found = task_criteria(&problem.structure, &problem.roots, &problem.assembly, assembled, &path, &criteria)?;
+    let task_criteria =
+        task_criteria(&problem.structure, &problem.roots, &problem.assembly, assembled, &path, &criteria)?;
     let (best, name) = match criterion {
-        Criterion::Aic => (found.best[0], "AIC"),
-        Criterion::Ebic => (found.best[2], "EBIC"),
-        _ => (found.best[1], "BIC"),
+        Criterion::Aic => (task_criteria.best[0], "AIC"),
+        Criterion::Ebic => (task_criteria.best[2], "EBIC"),
+        _ => (task_criteria.best[1], "BIC"),
     };
-    Ok((found.lambdas[best], format!("least {name}, {independent:.0} rows count as independent")))
+    Ok((task_criteria.lambdas[best], format!("least {name}, {independent:.0} rows count as independent")))
 }

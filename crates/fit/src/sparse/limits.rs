@@ -26,7 +26,7 @@ const AT_BOUND: f64 = 1e-8;
 pub(super) struct Limited<'a> {
     problem: &'a Problem<'a>,
     support: &'a [usize],
-    found: LimitedFit,
+    solution: LimitedFit,
 }
 
 /// The least-squares fit on the support with the limits of the recipe; `None` where it has none.
@@ -48,7 +48,7 @@ pub(super) fn within_limits<'a>(
         )));
     }
     let of = |support| solve(problem, &problem.assembled, support, limits, Vec::new(), source, progress);
-    let found = match of(support) {
+    let limited = match of(support) {
         Err(Error::Constrained(ConstrainedError::Infeasible { constraints })) => {
             // Of all columns, the constraints may contradict each other by themselves.
             of(&(0..problem.assembled.scale.len()).collect::<Vec<usize>>())?;
@@ -57,26 +57,26 @@ pub(super) fn within_limits<'a>(
                 constraints.join(", ")
             )));
         }
-        found => found?,
+        other => other?,
     };
-    if found.fit.status != ConstrainedStatus::Solved {
+    if limited.fit.status != ConstrainedStatus::Solved {
         notes.push(format!(
             "the bounded fit did not converge: optimality conditions to {:.1e}, bounds to {:.1e}",
-            found.fit.certificate.kkt, found.fit.certificate.violation
+            limited.fit.certificate.kkt, limited.fit.certificate.violation
         ));
     }
-    for (limit, clearance) in limits.iter().zip(&found.clearance).filter(|(_, clearance)| clearance.least < 0.0) {
+    for (limit, clearance) in limits.iter().zip(&limited.clearance).filter(|(_, clearance)| clearance.least < 0.0) {
         notes.push(format!(
             "{} is not {} {} everywhere: {} passes left a row that breaks it by {:.3e}{}",
             limit.name,
             LimitSide::from(limit.side),
             limit.bound,
-            found.passes,
+            limited.passes,
             -clearance.least,
             place(clearance)
         ));
     }
-    Ok(Some(Limited { problem, support, found }))
+    Ok(Some(Limited { problem, support, solution: limited }))
 }
 
 fn varies(problem: &Problem<'_>, limit: &RowLimit) -> bool {
@@ -101,9 +101,9 @@ fn solve(
     let mut assembled = assembled.clone();
     assembled.penalty = Penalty { factors: vec![0.0; p], ..assembled.penalty };
     let coefficients = &problem.task.coefficients;
-    let own = |limit: &CoefficientLimit| problem.task.regression.first(limit.owner) + limit.candidate;
+    let column = |limit: &CoefficientLimit| problem.task.regression.first(limit.owner) + limit.candidate;
     let constraints = Constraints {
-        bounds: if coefficients.is_empty() { Vec::new() } else { bounds(p, coefficients.iter(), own) },
+        bounds: if coefficients.is_empty() { Vec::new() } else { bounds(p, coefficients.iter(), column) },
         names: (0..p).map(|coefficient| problem.name(coefficient)).collect(),
         inequalities,
         ..Constraints::default()
@@ -122,18 +122,18 @@ fn solve(
 impl Limited<'_> {
     /// Coefficients (p).
     pub(super) fn coefficients(&self) -> Vec<f64> {
-        self.found.fit.theta.clone()
+        self.solution.fit.theta.clone()
     }
 
     /// The coefficients of other rows, without a pass. Limits are kept at the rows that became constraints here; those
     /// that are the same at every row, anew.
     pub(super) fn refit(&self, roots: &[SquareRoot]) -> Result<Vec<f64>, Error> {
-        let Self { problem, support, found } = self;
+        let Self { problem, support, solution: before } = self;
         let assembled = assemble(&problem.structure, roots, &problem.assembly)?;
         let everywhere: Vec<RowLimit> =
             problem.task.limits.iter().filter(|limit| !varies(problem, limit)).cloned().collect();
-        let found = solve(problem, &assembled, support, &everywhere, found.cuts.clone(), None, &Silent)?;
-        Ok(found.fit.theta)
+        let again = solve(problem, &assembled, support, &everywhere, before.cuts.clone(), None, &Silent)?;
+        Ok(again.fit.theta)
     }
 
     /// The kept bounds, and the distance to each.
@@ -146,13 +146,13 @@ impl Limited<'_> {
             episode: clearance.place.as_ref().map(|(episode, _)| episode.clone()),
             row: clearance.place.as_ref().map(|(_, row)| *row),
             free_nearest: None,
-            cuts: self.found.cuts_of[at],
+            cuts: self.solution.cuts_of[at],
         };
-        let rows = self.problem.task.limits.iter().zip(&self.found.clearance).enumerate().map(of);
+        let rows = self.problem.task.limits.iter().zip(&self.solution.clearance).enumerate().map(of);
         let task = &self.problem.task;
         let coefficient = |limit: &CoefficientLimit| {
             let j = task.regression.first(limit.owner) + limit.candidate;
-            let value = self.found.fit.theta[j];
+            let value = self.solution.fit.theta[j];
             let held =
                 self.support.contains(&j) && limit.clearance(value).abs() <= AT_BOUND * limit.bound.abs().max(1.0);
             LimitReport::of_coefficient(limit, &[value], None, usize::from(held))

@@ -90,8 +90,8 @@ fn columns(task: &StructuredTask) -> Vec<Column> {
 /// Least and greatest value of every function over some episodes.
 fn ranges(file: &StatisticFile, episodes: &BTreeSet<fleetfoot_data::EpisodeId>, p: usize) -> Vec<[f64; 2]> {
     let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; p];
-    for (_, found) in file.scanned.ranges.iter().filter(|(id, _)| episodes.contains(id)) {
-        for (all, some) in ranges.iter_mut().zip(found) {
+    for (_, ranges_of) in file.scanned.ranges.iter().filter(|(id, _)| episodes.contains(id)) {
+        for (all, some) in ranges.iter_mut().zip(ranges_of) {
             *all = [all[0].min(some[0]), all[1].max(some[1])];
         }
     }

@@ -214,12 +214,12 @@ mod tests {
 
     #[test]
     fn what_has_no_meaning_is_said() {
-        let told = |text: &str| {
+        let notes = |text: &str| {
             let section: SparseSection = toml::from_str(text).unwrap();
             unused(&section, &SparseOptions::new(&section).unwrap())
         };
-        assert!(told("threshold = 0.9")[0].contains("threshold = 0.9 is not used"));
-        assert!(told("select = \"bic\"\nlambda = \"0.1\"")[0].contains("select is not used"));
+        assert!(notes("threshold = 0.9")[0].contains("threshold = 0.9 is not used"));
+        assert!(notes("select = \"bic\"\nlambda = \"0.1\"")[0].contains("select is not used"));
         for text in [
             "",
             "threshold = 0.9\nbolasso = \"rows\"",
@@ -227,7 +227,7 @@ mod tests {
             "select = \"bic\"",
             "lambda = \"0.1\"",
         ] {
-            assert!(told(text).is_empty(), "{text}");
+            assert!(notes(text).is_empty(), "{text}");
         }
     }
 

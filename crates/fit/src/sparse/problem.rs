@@ -111,30 +111,30 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
     if let Some(scale) = task.scales[index] {
         return Ok(scale);
     }
-    let found = &task.regression.tasks[index];
+    let task = &task.regression.tasks[index];
     let (variance, mean) = (root.total[0] / root.weight, root.mean_y[0]);
     let size = (variance + mean * mean).sqrt();
     let is_constant = variance <= (1e-12 * mean).powi(2);
     // A rate that is constant is that of a state that varies.
-    if is_constant && root.rows > 1 && mean != 0.0 && !found.prior && !found.target.reads_clock() {
+    if is_constant && root.rows > 1 && mean != 0.0 && !task.prior && !task.target.reads_clock() {
         return Err(Error::undetermined(format!(
             "{}: the target `{}` has the same value {mean} in all rows: there is nothing to predict; leave it out, check its column, or add `scale`, the \
              error that counts as one, in its units",
-            TASKS.entry(&found.name),
-            found.target
+            TASKS.entry(&task.name),
+            task.target
         )));
     }
-    let scale = if found.prior || is_constant { size } else { variance.sqrt() };
+    let scale = if task.prior || is_constant { size } else { variance.sqrt() };
     if scale > 0.0 && scale.is_finite() {
         return Ok(scale);
     }
-    Err(Error::undetermined(if found.prior {
-        format!("{}: `{}` is zero or not finite everywhere in the data; give `prior_scale`", found.name, found.target)
+    Err(Error::undetermined(if task.prior {
+        format!("{}: `{}` is zero or not finite everywhere in the data; give `prior_scale`", task.name, task.target)
     } else {
         format!(
             "{}: the target `{}` is zero or not finite everywhere in the data; add `scale`, the error that counts as one, in its units",
-            TASKS.entry(&found.name),
-            found.target
+            TASKS.entry(&task.name),
+            task.target
         )
     }))
 }
@@ -142,13 +142,13 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
 /// Penalty factors of the adaptive lasso; from least squares, or from a slight ridge where columns depend on each other.
 fn first_fit(assembled: &Assembled) -> Result<Vec<f64>, Error> {
     let (problem, penalty) = (&assembled.problem, &assembled.penalty);
-    let found = match adaptive(problem, penalty, Initial::LeastSquares, 1.0) {
+    let adapted = match adaptive(problem, penalty, Initial::LeastSquares, 1.0) {
         Err(fleetfoot_sparse::SparseError::NeedsRidge { .. }) => {
             adaptive(problem, penalty, Initial::Ridge { l2: RIDGE }, 1.0)
         }
         other => other,
     };
-    Ok(found?.factors)
+    Ok(adapted?.factors)
 }
 
 /// Weight of the squares, for columns of unit scale, of the first fit where least squares has no single answer.

@@ -146,9 +146,9 @@ impl SparseReport {
 
 /// Confounded columns, by name; and the condition number of all.
 pub(super) fn named(problem: &Problem<'_>, columns: &[usize]) -> Result<(Vec<Vec<String>>, f64), Error> {
-    let found = confounded(&problem.assembled, columns, CONFOUNDED)?;
-    let groups = found.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());
-    Ok((groups.collect(), found.condition))
+    let pairs = confounded(&problem.assembled, columns, CONFOUNDED)?;
+    let groups = pairs.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());
+    Ok((groups.collect(), pairs.condition))
 }
 
 /// Errors of coefficients by task; mean squared errors on held-out rows are those of the measured tasks.

@@ -44,7 +44,7 @@ impl PathReport {
         let entered = columns.len();
         columns.sort_by(|&a, &b| largest[b].total_cmp(&largest[a]).then(a.cmp(&b)));
         columns.truncate(FUNCTIONS);
-        let knots = told(&path);
+        let knots = shown_knots(&path);
         let along = |column: usize| knots.iter().map(|knot| coefficient(knot, column)).collect();
         let functions = columns.iter().map(|&column| (problem.name(column), along(column))).collect();
         let lambdas = knots.iter().map(|knot| knot.l1).collect();
@@ -53,7 +53,7 @@ impl PathReport {
 }
 
 /// The listed knots, the first and the last among them.
-fn told(path: &Path) -> Vec<&Solution> {
+fn shown_knots(path: &Path) -> Vec<&Solution> {
     let all = path.knots.len();
     let shown = all.min(KNOTS);
     (0..shown).map(|place| &path.knots[place * (all - 1) / (shown - 1).max(1)]).collect()

@@ -71,9 +71,9 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
         let errors = standard_errors(&problem, &theta, &mut notes);
         (theta, errors)
     } else {
-        let (found, more) = support::penalised(&problem, lambda)?;
+        let (solution, more) = support::penalised(&problem, lambda)?;
         notes.extend(more);
-        (problem.assembled.coefficients(&found), None)
+        (problem.assembled.coefficients(&solution), None)
     };
     let assembled = &problem.assembled;
     let scaled: Vec<f64> = coefficients.iter().zip(&assembled.scale).map(|(theta, scale)| theta * scale).collect();

@@ -97,8 +97,8 @@ pub(super) fn select(
         progress.stage("bootstrap");
         let threshold = options.threshold.unwrap_or(1.0);
         let bootstrap = BootstrapOptions { replicates, lambda, seed: options.seed, threshold };
-        let found = resample(problem, file, what, &bootstrap, source, progress)?;
-        support.agree(found, what, &bootstrap);
+        let resample = resample(problem, file, what, &bootstrap, source, progress)?;
+        support.agree(resample, what, &bootstrap);
     } else if options.stability {
         progress.stage("halves");
         stability(problem, options, lambda, &mut support, progress)?;
@@ -131,7 +131,7 @@ fn resample(
 
 impl Support {
     /// Keeps the columns on which the replicates agree.
-    fn agree(&mut self, found: Selection, what: Resampled, bootstrap: &BootstrapOptions) {
+    fn agree(&mut self, selection: Selection, what: Resampled, bootstrap: &BootstrapOptions) {
         let BootstrapOptions { replicates, threshold, .. } = *bootstrap;
         let unit = match what {
             Resampled::Rows => "rows",
@@ -141,17 +141,17 @@ impl Support {
         self.method = "bolasso";
         self.how = format!("bolasso: columns in {:.0} % of {replicates} replicates of {unit}", threshold * 100.0);
         for (count, what) in [
-            (found.stalled, "were finished by coordinate descent, because rounding ended their path before lambda"),
-            (found.unconverged, "did not converge, and count as they are"),
-            (found.empty, "drew no rows and were left out"),
+            (selection.stalled, "were finished by coordinate descent, because rounding ended their path before lambda"),
+            (selection.unconverged, "did not converge, and count as they are"),
+            (selection.empty, "drew no rows and were left out"),
         ] {
             if count > 0 {
                 self.notes.push(format!("{count} of {replicates} replicates {what}"));
             }
         }
-        self.columns.clone_from(&found.support);
-        self.frequency = Some(found.frequency.clone());
-        self.replicates = Some(found);
+        self.columns.clone_from(&selection.support);
+        self.frequency = Some(selection.frequency.clone());
+        self.replicates = Some(selection);
     }
 }
 
@@ -172,22 +172,25 @@ fn stability(
         fleetfoot_sparse::bolasso::BootstrapUnit::Chunk
     };
     let halves = StabilityOptions { pairs: STABILITY_PAIRS, lambdas, seed: options.seed, threshold };
-    let found = stability_selection(&problem.structure, &problem.banks, &problem.assembly, unit, &halves, progress)?;
+    let stability_selection =
+        stability_selection(&problem.structure, &problem.banks, &problem.assembly, unit, &halves, progress)?;
     support.method = "stability";
     support.how = format!(
         "stability selection: columns in {:.0} % of {} halves; at most {:.2} false ones expected{}",
         threshold * 100.0,
         2 * STABILITY_PAIRS,
-        found.bound,
-        found.unimodal_bound.map_or_else(String::new, |bound| format!(" ({bound:.2} by the unimodal bound)")),
+        stability_selection.bound,
+        stability_selection
+            .unimodal_bound
+            .map_or_else(String::new, |bound| format!(" ({bound:.2} by the unimodal bound)")),
     );
-    if found.stalled > 0 {
+    if stability_selection.stalled > 0 {
         support.notes.push(format!(
             "{} halves were finished by coordinate descent, because rounding ended their path before lambda",
-            found.stalled
+            stability_selection.stalled
         ));
     }
-    support.columns.clone_from(&found.support);
-    support.frequency = Some(found.frequency);
+    support.columns.clone_from(&stability_selection.support);
+    support.frequency = Some(stability_selection.frequency);
     Ok(())
 }

@@ -39,33 +39,33 @@ pub(super) fn freeze(
     progress: &dyn Progress,
 ) -> Result<EquationStatistic, Error> {
     let view = dataset.view()?;
-    let mut found = EquationStatistic::default();
+    let mut equation_statistic = EquationStatistic::default();
     for (recipe, task) in EquationStatistic::recipes(recipe)?.iter().zip(tasks) {
         refuse_text_labels(recipe, task, dataset)?;
-        let mut own: Vec<String> = task.narrowed_note().into_iter().collect();
-        let frozen = Frozen::differentiated(task.clone(), &view, &mut own)?;
-        let frozen = frozen.windowed(WeakForm::new(&recipe.sindy)?, &view, &mut own)?;
+        let mut narrowed: Vec<String> = task.narrowed_note().into_iter().collect();
+        let frozen = Frozen::differentiated(task.clone(), &view, &mut narrowed)?;
+        let frozen = frozen.windowed(WeakForm::new(&recipe.sindy)?, &view, &mut narrowed)?;
         let seed = recipe.sindy.seed.unwrap_or(0);
-        let partition = frozen.partition(recipe, seed, dataset.step(), &view, &mut own, progress)?;
+        let partition = frozen.partition(recipe, seed, dataset.step(), &view, &mut narrowed, progress)?;
         let plan = SystemPlan::new(frozen.task.summed(partition), chunk_rows, &view)?;
-        found.differences = frozen.task.settled_differences();
-        found.groups.push(EquationGroup::empty(plan));
-        own.retain(|note| !notes.contains(note));
-        notes.append(&mut own);
+        equation_statistic.differences = frozen.task.settled_differences();
+        equation_statistic.groups.push(EquationGroup::empty(plan));
+        narrowed.retain(|note| !notes.contains(note));
+        notes.append(&mut narrowed);
     }
     for recipe in EquationStatistic::recipes(recipe)? {
         // What `fit pwa` cannot read it will say itstatistic.
         let Ok((problem, mut system)) = piecewise(&recipe, fields, dataset.step()) else { continue };
         let one = specification(&recipe)?;
-        let Ok(PwaOptions { identification: own, .. }) = PwaOptions::new(&recipe) else { continue };
-        let alike = one.is_none() || finds_alike(&own, &clustering(recipe.sindy.seed.unwrap_or(0)));
-        if alike && found.covering(&system).is_some() {
+        let Ok(PwaOptions { identification: pwa, .. }) = PwaOptions::new(&recipe) else { continue };
+        let alike = one.is_none() || finds_alike(&pwa, &clustering(recipe.sindy.seed.unwrap_or(0)));
+        if alike && equation_statistic.covering(&system).is_some() {
             continue;
         }
         if let Some(one) = one {
-            system.partition = Some(regions(&problem, one, own, &view, &mut Vec::new(), progress)?);
+            system.partition = Some(regions(&problem, one, pwa, &view, &mut Vec::new(), progress)?);
         }
-        found.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
+        equation_statistic.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
     }
     for recipe in EquationStatistic::recipes(recipe)? {
         let summed = match Summed::of(&recipe, fields) {
@@ -82,9 +82,9 @@ pub(super) fn freeze(
             let how = clustering(summed.options.seed);
             system.partition = Some(regions(&problem, one, how, &view, &mut Vec::new(), progress)?);
         }
-        found.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
+        equation_statistic.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
     }
-    Ok(found)
+    Ok(equation_statistic)
 }
 
 /// Passes at most, and bytes about, of the sums of a recipe's equations over so many rows; zeros where there are none.
@@ -153,8 +153,8 @@ pub(super) fn accepts_equations(
     [left, right]: [&str; 2],
 ) -> Result<(), Error> {
     let Some(equations) = &file.equations else { return Ok(()) };
-    let own = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
-    let wanted = text_of(equations, (recipe, fields), (&own, &file.fields))?;
+    let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
+    let wanted = text_of(equations, (recipe, fields), (&scanned, &file.fields))?;
     Ok(StatisticFile::refuse_difference(&equations.text(), &wanted, Vec::new(), [left, right])?)
 }
 

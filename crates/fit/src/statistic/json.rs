@@ -42,7 +42,7 @@ impl ScanOutcome {
     /// The scan and the file's content, for programs.
     pub fn to_json(&self) -> Value {
         let (file, report) = (&self.file, &self.report);
-        value(Told {
+        value(Content {
             plan: file.plan_hash(),
             serves: serves(file),
             resumed: self.resumed,
@@ -61,7 +61,7 @@ impl ScanOutcome {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     plan: String,
     serves: Vec<String>,
     resumed: bool,
@@ -116,7 +116,7 @@ pub fn description(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -
         tasks,
         latents: file.plan.regression.latents.iter().map(Latent::from).collect(),
         columns: &file.columns,
-        labels: file.by_label().into_iter().map(|(label, own)| (label, values(own))).collect(),
+        labels: file.by_label().into_iter().map(|(label, episodes)| (label, values(episodes))).collect(),
         files: file.files.iter().map(File::from).collect(),
         episodes: file.episodes.iter().map(|episode| Episode::new(episode, file)).collect(),
         bytes: sizes.total,

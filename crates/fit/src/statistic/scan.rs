@@ -220,8 +220,8 @@ impl<'a> Scan<'a> {
     ) -> Result<Option<EquationStatistic>, Error> {
         let chunk_rows = self.options.chunk_rows.map(Into::into);
         let notes = &mut self.report.notes;
-        let found = equations::freeze(recipe, tasks, (dataset, chunk_rows), notes, progress);
-        match found.and_then(|equations| refuse_unprintable(&equations).map(|()| equations).map_err(Error::from)) {
+        let frozen = equations::freeze(recipe, tasks, (dataset, chunk_rows), notes, progress);
+        match frozen.and_then(|equations| refuse_unprintable(&equations).map(|()| equations).map_err(Error::from)) {
             Ok(equations) => Ok(Some(equations)),
             Err(error) if progress.cancelled() => Err(error),
             Err(error) => {
@@ -270,12 +270,12 @@ impl<'a> Scan<'a> {
                 group.iter().flat_map(|log| &log.pending).map(|(episode, ..)| *episode).collect();
             let subset = Subset::new(view, episodes);
             // What is complete is kept where the work is stopped here.
-            let (found, sums) = until_stopped(|| {
-                let found = file.plan.scan(&subset, &whole)?;
+            let (scanned, sums) = until_stopped(|| {
+                let scanned = file.plan.scan(&subset, &whole)?;
                 let sums = file.equations.as_ref().map(|equations| equations.sum_rows(&subset, &whole)).transpose()?;
-                Ok::<_, Error>((found, sums))
+                Ok::<_, Error>((scanned, sums))
             })??;
-            file.scanned.merge(found)?;
+            file.scanned.merge(scanned)?;
             if let (Some(equations), Some(sums)) = (&mut file.equations, sums) {
                 equations.add(sums)?;
             }

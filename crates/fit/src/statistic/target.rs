@@ -93,9 +93,9 @@ pub(super) fn scan_in_groups(
     let hashed = hash_logs(logs, recipe, progress)?;
     let command = command(target, recipe, options, &hashed, base.as_ref());
     let unfinished = base.as_ref().is_some_and(StatisticFile::is_partial);
-    let found = interrupted(&partial, command, target.force)?;
-    let resumed = found.is_some();
-    let mut scan = Scan::new(recipe, options, found.or(base), &whose);
+    let partial_file = interrupted(&partial, command, target.force)?;
+    let resumed = partial_file.is_some();
+    let mut scan = Scan::new(recipe, options, partial_file.or(base), &whose);
     scan.group_rows = group_rows.unwrap_or(scan.group_rows);
     // Kept whenever a quarter more is done: all the writing together is a few times the last one's.
     let mut kept = rows(scan.file.as_ref());

@@ -86,9 +86,9 @@ fn a_statistic_reads_back_bit_for_bit() {
     let written = fs::read(&path).unwrap();
     assert_eq!(sizes.total, written.len() as u64);
     assert_eq!(written, bytes(&file));
-    let (again, found) = StatisticFile::read_with_sizes(&path).unwrap();
+    let (again, sizes_read) = StatisticFile::read_with_sizes(&path).unwrap();
     assert_eq!(again, file);
-    assert_eq!(found, sizes);
+    assert_eq!(sizes_read, sizes);
     // Beside the sections there are the head (16 bytes) and the hash (32).
     assert_eq!(sizes.sections.iter().map(|(_, size)| size).sum::<u64>() + 48, sizes.total);
     assert_eq!(bytes(&again), written);

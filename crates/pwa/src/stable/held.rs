@@ -87,7 +87,7 @@ impl Contracting {
     }
 
     /// Report of the bound for the regions of another model of the set.
-    pub fn told(&self, before: &Stability, model: &Model) -> Stability {
+    pub fn stability_of(&self, before: &Stability, model: &Model) -> Stability {
         let mut told = before.clone();
         for (at, region) in told.regions.iter_mut().enumerate() {
             let map = self.own.map(&coefficients(model, at));

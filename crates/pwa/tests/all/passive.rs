@@ -235,7 +235,7 @@ fn models_are_kept_passive_where_they_are_nearest() {
         slack(&map(model, region), &P, E) >= if rounded { -1e-12 } else { 0.0 }
     };
     let nearest = goes_to_the_nearest(&set, &found.model, 0.2, is_within);
-    let again = set.told(told, &nearest);
+    let again = set.stability_of(told, &nearest);
     assert!(again.passivity.unwrap().regions.iter().all(|own| own.norm <= 1.0 + 1e-9));
 }
 

@@ -121,7 +121,7 @@ fn models_are_kept_within_the_bound_where_they_are_nearest() {
         norm(&map(model, region, 2), &P) <= 0.98 + if rounded { 1e-9 } else { 0.0 }
     };
     let nearest = goes_to_the_nearest(&set, &found.model, 0.3, is_within);
-    let told = set.told(stability, &nearest);
+    let told = set.stability_of(stability, &nearest);
     assert!(told.regions.iter().all(|own| own.norm <= 0.98 + 1e-9 && own.radius <= own.norm + 1e-9));
 }
 

@@ -148,22 +148,22 @@ fn one_step_errors_and_criteria_are_those_of_the_rows() {
     let variance = all.iter().map(|row| (row[3] - mean).powi(2)).sum::<f64>() / all.len() as f64;
     type Region = fn(&[f64; 4]) -> bool;
     let regions: [&[Region]; 2] = [&[|_| true], &[|row| row[2] <= 0.0, |row| row[2] > 0.0]];
-    for (own, regions) in tried.iter().zip(regions) {
+    for (tried, regions) in tried.iter().zip(regions) {
         let of = |rows: &[[f64; 4]], region: &Region| rows.iter().copied().filter(region).collect::<Vec<_>>();
-        for (fold, loss) in own.candidate.losses.iter().enumerate() {
+        for (fold, loss) in tried.candidate.losses.iter().enumerate() {
             let others: Vec<[f64; 4]> = (0..3).filter(|&s| s != fold).flat_map(|s| spans[s].clone()).collect();
             let error: f64 =
                 regions.iter().map(|one| squares(&of(&spans[fold], one), &solved(&of(&others, one)))).sum();
             let exact = error / spans[fold].len() as f64 / variance;
             assert!((loss / exact - 1.0).abs() < 1e-9, "{loss} {exact}");
         }
-        assert!((own.candidate.loss.unwrap() - own.candidate.losses.iter().sum::<f64>() / 3.0).abs() < 1e-15);
-        assert!(own.candidate.rrse.is_nan() && own.candidate.folds.is_empty(), "nothing is simulated");
-        assert_eq!(own.candidate.coefficients, 3 * regions.len());
+        assert!((tried.candidate.loss.unwrap() - tried.candidate.losses.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+        assert!(tried.candidate.rrse.is_nan() && tried.candidate.folds.is_empty(), "nothing is simulated");
+        assert_eq!(tried.candidate.coefficients, 3 * regions.len());
         let error: f64 = regions.iter().map(|one| squares(&of(&all, one), &solved(&of(&all, one)))).sum();
         // Both criteria have the same first part: (BIC - AIC) / k = ln n - 2 tells the rows that count, and BIC the rest.
         let (k, n) = ((3 * regions.len()) as f64, all.len() as f64);
-        let [bic, aic] = [own.candidate.bic, own.candidate.aic].map(Option::unwrap);
+        let [bic, aic] = [tried.candidate.bic, tried.candidate.aic].map(Option::unwrap);
         let independent = ((bic - aic) / k + 2.0).exp();
         assert!(independent > 1.0 && independent <= n * (1.0 + 1e-9), "{independent}");
         let exact = independent * (error / n).ln() + k * independent.ln();
@@ -206,15 +206,15 @@ fn a_fold_is_simulated_in_the_regions_of_its_own_training_rows() {
         let tried = selection.run(&[job], &Silent).unwrap();
         tried.into_iter().map(|tried| tried.candidate).collect::<Vec<_>>()
     };
-    let found = run(&of_all, &[anew.to_vec()], TermRule::All);
-    for (fold, own) in anew.iter().enumerate() {
-        let alone = run(own, &[], TermRule::All);
-        assert_eq!(found[0].folds[fold], alone[0].folds[fold], "{fold}");
+    let candidates = run(&of_all, &[anew.to_vec()], TermRule::All);
+    for (fold, assignment) in anew.iter().enumerate() {
+        let alone = run(assignment, &[], TermRule::All);
+        assert_eq!(candidates[0].folds[fold], alone[0].folds[fold], "{fold}");
     }
-    assert_eq!(found[0].regions, 2, "what is written has the regions of all rows");
-    assert!(found[0].folds != run(&of_all, &[], TermRule::All)[0].folds);
+    assert_eq!(candidates[0].regions, 2, "what is written has the regions of all rows");
+    assert!(candidates[0].folds != run(&of_all, &[], TermRule::All)[0].folds);
     // Where terms are chosen, so many are chosen in every region of a fold's own.
-    let found = run(&of_all, &[anew.to_vec()], TermRule::Auto(3));
-    assert_eq!(found.iter().map(|own| own.terms).collect::<Vec<_>>(), [1, 2, 3]);
-    assert!(found.iter().all(|own| own.rrse.is_finite()), "{found:?}");
+    let candidates = run(&of_all, &[anew.to_vec()], TermRule::Auto(3));
+    assert_eq!(candidates.iter().map(|candidate| candidate.terms).collect::<Vec<_>>(), [1, 2, 3]);
+    assert!(candidates.iter().all(|candidate| candidate.rrse.is_finite()), "{candidates:?}");
 }

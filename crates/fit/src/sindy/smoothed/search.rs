@@ -84,10 +84,10 @@ impl Search<'_> {
             for _ in 0..SEARCHES {
                 let variances = variances(&measurement, share);
                 let from = self.settle((&at.0, &at.1), at.2.clone(), &variances, ROUGH)?;
-                let found = self.descend(from, &variances, &mut counts)?;
-                at = (found.settled.tracks.clone(), found.settled.coefficients.clone(), found.support.clone());
-                let change = self.learn(&mut measurement, &found);
-                place = Some(found);
+                let descent = self.descend(from, &variances, &mut counts)?;
+                at = (descent.settled.tracks.clone(), descent.settled.coefficients.clone(), descent.support.clone());
+                let change = self.learn(&mut measurement, &descent);
+                place = Some(descent);
                 if change < SETTLED {
                     break;
                 }
@@ -122,9 +122,9 @@ impl Search<'_> {
         variances: &Variances,
         tolerance: f64,
     ) -> Result<Place, Error> {
-        let mut own = vec![0.0; coefficients.len()];
-        support.iter().for_each(|&at| own[at] = coefficients[at]);
-        let settled = self.smoother.settle((tracks, &own), &support, (variances, tolerance), self.progress)?;
+        let mut step = vec![0.0; coefficients.len()];
+        support.iter().for_each(|&at| step[at] = coefficients[at]);
+        let settled = self.smoother.settle((tracks, &step), &support, (variances, tolerance), self.progress)?;
         Ok(Place { support, settled })
     }
 
@@ -168,21 +168,21 @@ impl Search<'_> {
     ) -> Result<Option<Place>, Error> {
         for proposal in self.proposals(place, variances)? {
             // With another candidate and nothing less, the value is well foreseen.
-            let more = place.support.iter().all(|own| proposal.support.contains(own));
+            let more = place.support.iter().all(|support| proposal.support.contains(support));
             if (more && proposal.value >= self.value(place)) || !seen.insert(proposal.support.clone()) {
                 continue;
             }
             *tried += 1;
             let at = (&place.settled.tracks, proposal.coefficients.as_slice());
-            let found = self.settle(at, proposal.support, variances, ROUGH);
+            let trial = self.settle(at, proposal.support, variances, ROUGH);
             // A support with which the model is not finite is none.
-            let found = match found {
-                Ok(found) => found,
+            let trial = match trial {
+                Ok(state) => state,
                 Err(error @ Error::Cancelled(_)) => return Err(error),
                 Err(_) => continue,
             };
-            if self.value(&found) < self.value(place) {
-                return Ok(Some(found));
+            if self.value(&trial) < self.value(place) {
+                return Ok(Some(trial));
             }
         }
         Ok(None)
@@ -195,15 +195,15 @@ impl Search<'_> {
         let problem = self.smoother.information(at, &all, variances, self.progress)?;
         let beside = by_gain(&problem, &place.support);
         let opened = |count: usize| place.support.iter().chain(beside.iter().take(count)).copied().collect::<Vec<_>>();
-        let mut found = vec![self.eliminated(&problem, &opened(OPENED), None)?];
-        found.push(self.eliminated(&problem, &place.support, None)?);
+        let mut states = vec![self.eliminated(&problem, &opened(OPENED), None)?];
+        states.push(self.eliminated(&problem, &place.support, None)?);
         for &one in beside.iter().take(BESIDE) {
-            let own = place.support.iter().copied().chain([one]).collect::<Vec<_>>();
-            found.push(self.eliminated(&problem, &own, Some(one))?);
+            let support = place.support.iter().copied().chain([one]).collect::<Vec<_>>();
+            states.push(self.eliminated(&problem, &support, Some(one))?);
         }
-        let mut found: Vec<Proposal> = found.into_iter().flatten().collect();
-        found.sort_by(|a, b| a.value.total_cmp(&b.value));
-        Ok(found)
+        let mut proposals: Vec<Proposal> = states.into_iter().flatten().collect();
+        proposals.sort_by(|a, b| a.value.total_cmp(&b.value));
+        Ok(proposals)
     }
 
     /// The best support that backward elimination meets; `kept` stays in.
@@ -261,8 +261,8 @@ impl Search<'_> {
         let whole = 2.0 * place.settled.cost / (total - free);
         let factors: Vec<f64> = (0..measurement.len()).map(|s| ratio(s) / mean * whole).collect();
         let mut change = 0.0_f64;
-        for (own, factor) in measurement.iter_mut().zip(factors).filter(|(_, f)| f.is_finite() && *f > 0.0) {
-            *own *= factor;
+        for (measurement, factor) in measurement.iter_mut().zip(factors).filter(|(_, f)| f.is_finite() && *f > 0.0) {
+            *measurement *= factor;
             change = change.max(factor.ln().abs());
         }
         change
@@ -271,15 +271,19 @@ impl Search<'_> {
     /// Minus twice the logarithm of the likelihood, the states integrated out, and the price of the terms.
     fn likelihood(&self, place: &Place, variances: &Variances) -> f64 {
         let counts = self.smoother.measured();
-        let measured = counts.iter().zip(&variances.measurement).map(|(&count, own)| count as f64 * own.ln());
-        let process = variances.process.iter().map(|own| self.smoother.intervals() as f64 * own.ln());
+        let measured =
+            counts.iter().zip(&variances.measurement).map(|(&count, measurement)| count as f64 * measurement.ln());
+        let process = variances.process.iter().map(|process| self.smoother.intervals() as f64 * process.ln());
         self.value(place) + place.settled.log_determinant + measured.chain(process).sum::<f64>()
     }
 }
 
 /// Variances of the process as a share of those of the measurements.
 pub(super) fn variances(measurement: &[f64], share: f64) -> Variances {
-    Variances { measurement: measurement.to_vec(), process: measurement.iter().map(|own| share * own).collect() }
+    Variances {
+        measurement: measurement.to_vec(),
+        process: measurement.iter().map(|measurement| share * measurement).collect(),
+    }
 }
 
 /// Coefficients that are not zero, and those that stay.

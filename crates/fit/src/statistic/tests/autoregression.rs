@@ -78,14 +78,14 @@ fn logs_and_their_statistics_give_the_same_autoregression() {
             apart.append(scan_part(&frozen, &options, std::slice::from_ref(file), &Silent).unwrap().0).unwrap();
         }
         for statistic in [read, merged, apart] {
-            let (found, own) = fit(&recipe, of(statistic)).unwrap();
-            assert!(found == wanted, "{what}:\n{found}\n{wanted}");
+            let (model, from_statistic) = fit(&recipe, of(statistic)).unwrap();
+            assert!(model == wanted, "{what}:\n{model}\n{wanted}");
             assert_eq!(
-                (own.rows, own.summary.left_out.clone(), own.order),
+                (from_statistic.rows, from_statistic.summary.left_out.clone(), from_statistic.order),
                 (report.rows, report.summary.left_out.clone(), report.order),
                 "{what}"
             );
-            assert!(report.train.is_some() && own.train.is_none(), "{what}");
+            assert!(report.train.is_some() && from_statistic.train.is_none(), "{what}");
         }
         // Without a recipe it is that of the scan.
         assert_eq!(fit(&Recipe::default(), of(all)).unwrap().0, wanted, "{what}");
@@ -105,7 +105,7 @@ fn what_nobody_says_is_chosen_by_single_steps_of_what_was_held_out() {
     terms.sort_by(|a, b| a.0.cmp(b.0));
     let truth = [("lag(y, 1)", -0.2), ("u", 0.5), ("y", 0.6), ("y*lag(u, 1)", 0.1)];
     assert!(
-        terms.iter().zip(truth).all(|(found, truth)| found.0 == truth.0 && (found.1 - truth.1).abs() < 2e-3),
+        terms.iter().zip(truth).all(|(term, truth)| term.0 == truth.0 && (term.1 - truth.1).abs() < 2e-3),
         "{terms:?}"
     );
     assert_eq!(terms.len(), 4, "{terms:?}");
@@ -150,10 +150,10 @@ fn fewer_lags_than_were_summed_are_columns_of_the_sums() {
     let folder = tempfile::tempdir().unwrap();
     let files = logs(folder.path(), 3, 300, false);
     let wide = scanned(&recipe("[narx]\nlags_out = 4\nlags_in = 3\n[model]\ndegree = 2\n"), &files);
-    let own = recipe("[narx]\nlags_out = 2\nlags_in = 2\nterms = 4\n[model]\ndegree = 2\n");
-    let given = crate::NarxOptions::new(&own).unwrap().order;
+    let recipe = recipe("[narx]\nlags_out = 2\nlags_in = 2\nterms = 4\n[model]\ndegree = 2\n");
+    let given = crate::NarxOptions::new(&recipe).unwrap().order;
     assert!(matches!(given, OrderRule::Fixed(_)) && given != OrderRule::Look(GivenOrder::default()));
-    let (of_sums, of_logs) = (fit(&own, of(wide)).unwrap().1, fit(&own, &files).unwrap().1);
+    let (of_sums, of_logs) = (fit(&recipe, of(wide)).unwrap().1, fit(&recipe, &files).unwrap().1);
     // Rows that lack the longer lags, two of every log, train the one and not the other.
     assert_eq!(of_logs.rows - of_sums.rows, 2 * 3);
     for (a, b) in of_sums.regions[0].equations[0].terms.iter().zip(&of_logs.regions[0].equations[0].terms) {

@@ -15,9 +15,9 @@ fn corpus() -> Vec<Vec<u8>> {
     inputs.extend(equations::small(folder.path()));
     let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/stats");
     // The folder is there once something was found.
-    let mut found: Vec<PathBuf> = fs::read_dir(kept).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
-    found.sort();
-    inputs.extend(found.iter().map(|file| fs::read(file).unwrap()));
+    let mut files: Vec<PathBuf> = fs::read_dir(kept).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    inputs.extend(files.iter().map(|file| fs::read(file).unwrap()));
     inputs
 }
 

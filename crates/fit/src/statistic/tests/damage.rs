@@ -128,10 +128,10 @@ fn sections(whole: &[u8]) -> Vec<(String, Vec<u8>)> {
 }
 
 fn with(sections: &[(String, Vec<u8>)], index: usize, payload: Vec<u8>) -> Vec<u8> {
-    let mut own: Vec<(&str, Vec<u8>)> =
+    let mut copies: Vec<(&str, Vec<u8>)> =
         sections.iter().map(|(name, payload)| (name.as_str(), payload.clone())).collect();
-    own[index].1 = payload;
-    crafted(&own)
+    copies[index].1 = payload;
+    crafted(&copies)
 }
 
 #[test]

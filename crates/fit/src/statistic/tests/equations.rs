@@ -69,8 +69,8 @@ fn logs_and_their_statistics_give_the_same_equations() {
             let recipe = Recipe::parse(&text, "test").unwrap();
             let options = ScanOptions::default();
             let (wanted, report) = model(&recipe, &files);
-            let (all, told) = scan(&recipe, &options, None, &files, &Silent).unwrap();
-            assert!(all.equations.is_some() && serves(&all).len() >= 2, "{what}: {:?}", told.notes);
+            let (all, outcome) = scan(&recipe, &options, None, &files, &Silent).unwrap();
+            assert!(all.equations.is_some() && serves(&all).len() >= 2, "{what}: {:?}", outcome.notes);
             let read = StatisticFile::from_bytes(&bytes(&all), Path::new("run.stats")).unwrap().0;
             assert_eq!(read, all, "{what}");
             let plan = all.without_rows();
@@ -84,10 +84,10 @@ fn logs_and_their_statistics_give_the_same_equations() {
                 apart.append(scan_part(&frozen, &options, std::slice::from_ref(file), &Silent).unwrap().0).unwrap();
             }
             for statistic in [read, merged, apart] {
-                let (found, own) = model(&recipe, of(statistic));
-                assert!(found == wanted, "{what}, jitter {jitter}:\n{found}\n{wanted}");
+                let (text, from_statistic) = model(&recipe, of(statistic));
+                assert!(text == wanted, "{what}, jitter {jitter}:\n{text}\n{wanted}");
                 let scores = |report: &crate::SindyReport| format!("{:?} {:?}", report.regions, report.fold_rule);
-                assert_eq!(scores(&own), scores(&report), "{what}");
+                assert_eq!(scores(&from_statistic), scores(&report), "{what}");
             }
             // Without a recipe it is that of the scan.
             assert_eq!(model(&Recipe::default(), of(all.clone())).0, wanted, "{what}");
@@ -249,11 +249,14 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
         "{:?}",
         serves(&all)
     );
-    let (found, wanted) = (piecewise(&recipe, of(all.clone())), piecewise(&recipe, &files));
-    let (own, logs) = (&found.report.identification, &wanted.report.identification);
-    assert_eq!((own.rows, own.candidates.len(), own.chosen), (logs.rows, 5, logs.chosen));
-    assert!((own.effective_rows / logs.effective_rows - 1.0).abs() < 0.2, "chunks differ a little");
-    for (a, b) in own.candidates.iter().zip(&logs.candidates) {
+    let (summed, wanted) = (piecewise(&recipe, of(all.clone())), piecewise(&recipe, &files));
+    let (identification, logs) = (&summed.report.identification, &wanted.report.identification);
+    assert_eq!(
+        (identification.rows, identification.candidates.len(), identification.chosen),
+        (logs.rows, 5, logs.chosen)
+    );
+    assert!((identification.effective_rows / logs.effective_rows - 1.0).abs() < 0.2, "chunks differ a little");
+    for (a, b) in identification.candidates.iter().zip(&logs.candidates) {
         assert_eq!((&a.specification, a.regions), (&b.specification, b.regions));
         assert!(a.over_null.iter().all(|value| value.is_nan()) && a.mahalanobis.is_nan(), "rows are needed");
         // Chunks are cut otherwise, and clusters are made anew for every fold there.
@@ -266,7 +269,7 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
         );
     }
     // All rows, the same regions: the same models up to rounding.
-    for (a, b) in own.models.iter().zip(&logs.models) {
+    for (a, b) in identification.models.iter().zip(&logs.models) {
         assert_eq!((&a.method, &a.equations, &a.columns), (&b.method, &b.equations, &b.columns));
         let (a_regions, b_regions) = (&a.summaries[0].regions, &b.summaries[0].regions);
         for (region, (one, other)) in a_regions.iter().zip(b_regions).enumerate() {
@@ -281,9 +284,9 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
     }
     for word in ["absolute errors", "clustered on all rows"] {
         assert!(
-            found.report.summary.notes.iter().any(|note| note.contains(word)),
+            summed.report.summary.notes.iter().any(|note| note.contains(word)),
             "{word}: {:?}",
-            found.report.summary.notes
+            summed.report.summary.notes
         );
     }
     // Halves that are merged, and parts that were scanned apart, file by file.
@@ -298,9 +301,9 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
     }
     let read = StatisticFile::from_bytes(&bytes(&all), Path::new("run.stats")).unwrap().0;
     for statistic in [merged, apart, read] {
-        assert_eq!(piecewise(&recipe, of(statistic)).model.to_json(), own.model.to_json());
+        assert_eq!(piecewise(&recipe, of(statistic)).model.to_json(), identification.model.to_json());
     }
-    assert_eq!(piecewise(&Recipe::default(), of(all)).model.to_json(), own.model.to_json());
+    assert_eq!(piecewise(&Recipe::default(), of(all)).model.to_json(), identification.model.to_json());
 }
 
 #[test]

@@ -76,8 +76,8 @@ fn other_plans_are_refused_with_the_difference() {
     let known = scan(&other, &options(), Some(first.clone()), &files[..1], &Silent).unwrap_err().to_string();
     assert!(known.contains("  + T : x^3"), "{known}");
     // The same recipe, its own pilot.
-    let mut own = first.clone();
-    let message = own.merge("a.stats", scanned(&files[1..], None), "b.stats").unwrap_err().to_string();
+    let mut joined = first.clone();
+    let message = joined.merge("a.stats", scanned(&files[1..], None), "b.stats").unwrap_err().to_string();
     assert!(message.contains("other coordinates") && message.contains("--plan"), "{message}");
     assert!(first.resolve(&Recipe::parse(&RECIPE.replace("T - D", "T + D"), "test").unwrap()).is_err());
     // What does not change the sums may differ.
@@ -206,7 +206,7 @@ fn sparse_models_of_logs_and_of_their_statistics_are_the_same_bytes() {
     }
     let wanted = model((&files).into());
     for statistic in [all, halves, apart] {
-        let found = model(fleetfoot_dataset::Logs::of_statistic(std::sync::Arc::new(statistic)));
-        assert!(found == wanted, "{found}\n{wanted}");
+        let model = model(fleetfoot_dataset::Logs::of_statistic(std::sync::Arc::new(statistic)));
+        assert!(model == wanted, "{model}\n{wanted}");
     }
 }
