@@ -89,11 +89,11 @@ impl Ties {
     /// The maps of least error that meet at all borders, from the training rows of the regions; `shrinkage` as for maps that are not tied.
     pub(crate) fn fit(&self, base: &Base, training: &BTreeMap<u32, SquareRoot>, shrinkage: f64) -> Fitted {
         // What the rows of a region determine does not depend on its neighbours.
-        let own = |region: u32| match training.get(&region) {
+        let region_model = |region: u32| match training.get(&region) {
             Some(root) => RegionModel::new(least_squares(root, &base.scale)),
             None => base.average.clone(),
         };
-        let mut models: Vec<RegionModel> = (0..self.regions as u32).map(own).collect();
+        let mut models: Vec<RegionModel> = (0..self.regions as u32).map(region_model).collect();
         let penalty: Vec<f64> = base.scale.iter().map(|scale| shrinkage.sqrt() * scale).collect();
         let mut numbers = 0;
         for part in &self.parts {
@@ -110,15 +110,16 @@ impl Ties {
             let rows: Vec<(&SquareRoot, Features)> =
                 shrunk.iter().zip(seen).map(|(root, at)| (root, self.features(part, at, base))).collect();
             let Some(pooled) = SquareRoot::pooled(&rows) else { continue };
-            let found = least_squares(&pooled, &column_scale(&pooled));
-            numbers += found.rank + 1;
+            let least_squares = least_squares(&pooled, &column_scale(&pooled));
+            numbers += least_squares.rank + 1;
             for (at, &region) in part.regions.iter().enumerate() {
                 let model = &mut models[region as usize];
                 let features = self.features(part, at, base);
-                model.coefficients = features.linear.transpose() * &found.coefficients;
+                model.coefficients = features.linear.transpose() * &least_squares.coefficients;
                 for (t, intercept) in model.intercept.iter_mut().enumerate() {
                     let constants = features.constant.iter().enumerate();
-                    *intercept = constants.fold(found.intercept[t], |sum, (j, l)| sum + l * found.coefficients[(j, t)]);
+                    *intercept = constants
+                        .fold(least_squares.intercept[t], |sum, (j, l)| sum + l * least_squares.coefficients[(j, t)]);
                 }
             }
         }
@@ -269,10 +270,10 @@ fn null_space(equations: &mut Slab) -> Mat<f64> {
     let mut triangle = Mat::zeros(n, n);
     fold_rows(&mut triangle, equations);
     let free = |triangle: MatRef<'_, f64>| {
-        let found = svd(triangle)?;
-        let largest = found.s.first().copied().unwrap_or(0.0);
-        let first = found.s.iter().position(|&s| s <= PARALLEL * largest).unwrap_or(n);
-        Some(Mat::from_fn(n, n - first, |i, j| found.v[(i, first + j)]))
+        let svd = svd(triangle)?;
+        let largest = svd.s.first().copied().unwrap_or(0.0);
+        let first = svd.s.iter().position(|&s| s <= PARALLEL * largest).unwrap_or(n);
+        Some(Mat::from_fn(n, n - first, |i, j| svd.v[(i, first + j)]))
     };
     // Numbers that are no numbers leave nothing free.
     free(triangle.as_ref()).unwrap_or_else(|| Mat::zeros(n, 0))

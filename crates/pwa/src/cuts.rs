@@ -24,11 +24,11 @@ impl<'a> Cuts<'a> {
 
     /// The places of those that share rows with another chunk.
     pub(crate) fn of(&self, other: &Chunk) -> Range<usize> {
-        let own = self.episodes.get(&other.episode).cloned().unwrap_or(0..0);
-        let chunks = &self.chunks[own.clone()];
+        let episode = self.episodes.get(&other.episode).cloned().unwrap_or(0..0);
+        let chunks = &self.chunks[episode.clone()];
         let from = chunks.partition_point(|chunk| chunk.rows.end <= other.rows.start);
         let to = chunks.partition_point(|chunk| chunk.rows.start < other.rows.end);
-        own.start + from..own.start + to
+        episode.start + from..episode.start + to
     }
 
     /// Places of the complete rows of a tile of that chunk, and these rows. `index`: each row's number in its block,
@@ -66,7 +66,7 @@ mod tests {
         let folds = FoldLayout::new(FoldRule::Count(4), rows, Purge::TENTH).unwrap();
         let cut = Grid { chunk_rows: 16 }.chunks_in(&folds, episodes);
         let cuts = Cuts::new(&cut);
-        let (mut found, mut complete) = (vec![0; cut.len()], 0);
+        let (mut counts, mut complete) = (vec![0; cut.len()], 0);
         for chunk in (Grid { chunk_rows: 25 }).chunks(episodes) {
             // Every third row lacks a value.
             let index: Vec<usize> = (0..chunk.rows.len()).filter(|row| row % 3 != 1).collect();
@@ -76,9 +76,9 @@ mod tests {
             for (place, rows) in pieces {
                 assert!(index[rows.clone()].iter().all(|row| cut[place].rows.contains(&(chunk.rows.start + row))));
                 assert_eq!(cut[place].episode, chunk.episode);
-                found[place] += rows.len();
+                counts[place] += rows.len();
             }
         }
-        assert_eq!((found.iter().sum::<usize>(), complete), (200, 200));
+        assert_eq!((counts.iter().sum::<usize>(), complete), (200, 200));
     }
 }

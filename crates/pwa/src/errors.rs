@@ -185,7 +185,11 @@ impl Measure<'_> {
             deviation: vec![0.0; q],
             residuals: self.kept.iter().zip(self.scattered).map(|(&kept, &asked)| scatter(kept, asked)).collect(),
             walks: self.kept.iter().map(|&kept| self.walks(kept)).collect(),
-            lagged: self.whitening_by_region.iter().map(|own| own.as_ref().map(|_| Lagged::new(q))).collect(),
+            lagged: self
+                .whitening_by_region
+                .iter()
+                .map(|whitening| whitening.as_ref().map(|_| Lagged::new(q)))
+                .collect(),
             parts: Vec::new(),
         }
     }

@@ -246,9 +246,9 @@ pub(crate) mod tests {
         let residual = |row: &[f64; 3]| {
             row[2] - model.intercept[0] - model.coefficients[(0, 0)] * row[0] - model.coefficients[(1, 0)] * row[1]
         };
-        let own = rows.chunks(CHUNK).flat_map(|chunk| chunk.iter().step_by(2));
+        let sampled = rows.chunks(CHUNK).flat_map(|chunk| chunk.iter().step_by(2));
         for j in 0..2 {
-            let product: f64 = own.clone().map(|row| residual(row) * row[j]).sum();
+            let product: f64 = sampled.clone().map(|row| residual(row) * row[j]).sum();
             assert!(product.abs() < 1e-9 * rows.len() as f64, "{product}");
         }
         let mut errors = vec![0.0; examples.chunks[0].rows];

@@ -101,8 +101,8 @@ pub struct Score {
 
 /// Marks the front: partitions that no other one of as few coefficients beats on held-out rows.
 pub(crate) fn mark(mut scores: Vec<Score>) -> Vec<Score> {
-    let models: Vec<(usize, f64)> = scores.iter().map(|own| (own.coefficients, own.loss)).collect();
-    scores.iter_mut().zip(front(&models)).for_each(|(own, on)| own.front = on);
+    let models: Vec<(usize, f64)> = scores.iter().map(|score| (score.coefficients, score.loss)).collect();
+    scores.iter_mut().zip(front(&models)).for_each(|(score, on)| score.front = on);
     scores
 }
 
@@ -115,7 +115,7 @@ pub(crate) fn coefficients(
 ) -> usize {
     match (specification, continuity) {
         (Specification::Null, _) => q,
-        (_, Some(own)) => own.numbers * q,
+        (_, Some(continuity)) => continuity.numbers * q,
         _ => regions * (p + 1) * q,
     }
 }

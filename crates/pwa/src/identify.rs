@@ -75,20 +75,20 @@ fn plan_hash(
     segmentation: &Segmentation,
     preconditioner: &Preconditioner,
 ) -> String {
-    let mut told = Canonical::default();
-    told.count(grid.chunk_rows as u64);
-    told.tag(folds.is_some().into());
-    folds.iter().for_each(|folds| folds.encode(&mut told));
+    let mut canonical = Canonical::default();
+    canonical.count(grid.chunk_rows as u64);
+    canonical.tag(folds.is_some().into());
+    folds.iter().for_each(|folds| folds.encode(&mut canonical));
     let targets = problem.equations.iter().filter_map(|equation| equation.target.as_ref());
     for expressions in [problem.weight.iter().collect::<Vec<_>>(), problem.library.iter().collect(), targets.collect()]
     {
-        told.count(expressions.len() as u64);
-        expressions.iter().for_each(|expression| told.text(&expression.to_string()));
+        canonical.count(expressions.len() as u64);
+        expressions.iter().for_each(|expression| canonical.text(&expression.to_string()));
     }
     let cells = segmentation.lattices.iter().map(|lattice| &lattice.partition);
-    let own = segmentation.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Joined { .. }));
-    own.chain(cells).for_each(|partition| partition.encode_rule(&mut told));
-    fleetfoot_stats::plan_hash(told.as_bytes(), preconditioner)
+    let partitions = segmentation.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Joined { .. }));
+    partitions.chain(cells).for_each(|partition| partition.encode_rule(&mut canonical));
+    fleetfoot_stats::plan_hash(canonical.as_bytes(), preconditioner)
 }
 
 impl Fit<'_> {
@@ -141,8 +141,8 @@ impl Fit<'_> {
             .iter()
             .zip(errors.residuals.iter().zip(&roots))
             .map(|(&kept, (scatter, roots))| {
-                let own = (roots, &base.average);
-                self.model(&orders[kept], kept, &errors, scatter.as_ref(), source, own)
+                let initial = (roots, &base.average);
+                self.model(&orders[kept], kept, &errors, scatter.as_ref(), source, initial)
             })
             .collect();
         for (((model, walks), &kept), roots) in models.iter_mut().zip(errors.walks).zip(&kept).zip(&roots) {
@@ -250,8 +250,8 @@ impl Fit<'_> {
         let Some(base) = factor(0)?.remove(&0).map(Base::new) else { return Ok(None) };
         let roots = factor(candidate.full)?;
         order.full = fitted(candidate, None, order.full.len(), &base, &roots, order.shrinkage).models;
-        if let (Some(bound), Some((told, _))) = (&self.bound, &mut order.stability) {
-            *told = bound.bound(&mut order.full, &base, &roots, order.shrinkage)?;
+        if let (Some(bound), Some((stability, _))) = (&self.bound, &mut order.stability) {
+            *stability = bound.bound(&mut order.full, &base, &roots, order.shrinkage)?;
         }
         Ok(Some(roots))
     }
@@ -327,7 +327,7 @@ impl Fit<'_> {
                 losses: order.losses.clone(),
                 bic: order.bic,
                 continuity: order.continuity,
-                stability: order.stability.as_ref().map(|(told, _)| told.clone()),
+                stability: order.stability.as_ref().map(|(stability, _)| stability.clone()),
                 free_loss: order.stability.as_ref().map_or(order.loss, |(_, free)| *free),
                 objective: candidate.objective.clone(),
             })

@@ -235,8 +235,8 @@ fn check(points: &Points, options: &KMeansOptions) -> Result<(), KMeansError> {
 fn check_start(points: &Points, centroids: &[f64], options: &KMeansOptions) -> Result<(), KMeansError> {
     let expected = options.k * points.dimensions();
     if centroids.len() != expected {
-        let found = centroids.len();
-        return Err(KMeansError::Shape { what: "coordinates of starting centroids", expected, found });
+        let count = centroids.len();
+        return Err(KMeansError::Shape { what: "coordinates of starting centroids", expected, found: count });
     }
     check_centroids(centroids, points.dimensions())
 }

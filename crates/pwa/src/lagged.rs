@@ -33,9 +33,10 @@ const MOST_SPAN: usize = 2;
 pub(crate) fn span<'e>(fitted: impl Iterator<Item = &'e Equation>) -> Option<usize> {
     let rows = |equation: &Equation| {
         let (before, after) = equation.target.as_ref().map_or((0, 0), |target| target.reach());
-        let told = matches!(equation.prediction, Prediction::Derivative | Prediction::Next | Prediction::Difference);
+        let is_advanced =
+            matches!(equation.prediction, Prediction::Derivative | Prediction::Next | Prediction::Difference);
         let rows = equation.span().unwrap_or((before + after).max(1)) as usize;
-        (told && rows <= MOST_SPAN).then_some(rows)
+        (is_advanced && rows <= MOST_SPAN).then_some(rows)
     };
     fitted.map(rows).try_fold(1, |most, rows| Some(most.max(rows?)))
 }
@@ -130,14 +131,14 @@ impl Lagged {
         });
         let mut rest = white.as_slice();
         for run in places.chunk_by(|before, at| before + 1 == *at) {
-            let own;
-            (own, rest) = rest.split_at(run.len() * padded(self.targets));
-            self.follow(run, own);
+            let residual;
+            (residual, rest) = rest.split_at(run.len() * padded(self.targets));
+            self.follow(run, residual);
         }
     }
 
     /// Appends whitened rows without a gap.
-    fn follow(&mut self, places: &[usize], own: &[f64]) {
+    fn follow(&mut self, places: &[usize], residual: &[f64]) {
         let (width, lags) = (padded(self.targets), self.lags());
         if self.tail.back().is_some_and(|last| last.at + 1 != places[0]) {
             self.tail.clear();
@@ -146,19 +147,19 @@ impl Lagged {
         let carried = self.tail.len();
         let mut rows = Vec::with_capacity((carried + places.len()) * width);
         self.tail.iter().for_each(|row| rows.extend_from_slice(&row.values));
-        rows.extend_from_slice(own);
+        rows.extend_from_slice(residual);
         let (targets, products) = (self.targets, &mut self.products);
         fleetfoot_data::arch().dispatch(Products { rows: &rows, width, targets, carried, products });
-        for row in own.chunks_exact(width) {
+        for row in residual.chunks_exact(width) {
             self.weight += row.iter().map(|value| value * value).sum::<f64>();
         }
         let row = |(&at, values): (&usize, &[f64])| Row { at, values: values.to_vec() };
         if self.whole {
             let open = lags - self.head.len();
-            self.head.extend(places.iter().zip(own.chunks_exact(width)).take(open).map(row));
+            self.head.extend(places.iter().zip(residual.chunks_exact(width)).take(open).map(row));
         }
         let late = places.len().saturating_sub(lags);
-        for row in places[late..].iter().zip(own[late * width..].chunks_exact(width)).map(row) {
+        for row in places[late..].iter().zip(residual[late * width..].chunks_exact(width)).map(row) {
             self.keep(row);
         }
     }
@@ -177,8 +178,8 @@ impl Lagged {
     /// Adds the rows that follow.
     pub(crate) fn merge(&mut self, next: &Self) {
         self.weight += next.weight;
-        for (all, own) in self.products.iter_mut().zip(&next.products) {
-            all.iter_mut().zip(own).for_each(|(all, own)| *all += own);
+        for (all, product) in self.products.iter_mut().zip(&next.products) {
+            all.iter_mut().zip(product).for_each(|(all, sum)| *all += sum);
         }
         let Some(first) = next.head.first() else { return };
         let goes_on = self.episode == next.episode && self.tail.back().is_some_and(|last| last.at + 1 == first.at);
@@ -217,8 +218,8 @@ impl Lagged {
         let root = raw(0).llt(Side::Lower).ok()?.L().to_owned().partial_piv_lu();
         let inverse = root.solve(Mat::<f64>::identity(q, q));
         let scaled = |lag: usize| -> Vec<f64> {
-            let own = &inverse * raw(lag) * inverse.transpose();
-            (0..q * q).map(|at| own[(at / q, at % q)]).collect()
+            let correlation = &inverse * raw(lag) * inverse.transpose();
+            (0..q * q).map(|at| correlation[(at / q, at % q)]).collect()
         };
         let lags: Vec<Vec<f64>> = (1..=self.lags()).map(scaled).collect();
         let all = ResidualCorrelation { lags };
@@ -367,7 +368,7 @@ mod tests {
 
     fn whitening(targets: usize) -> Whitening {
         let width = padded(targets);
-        let own = |region: usize| {
+        let covariances = |region: usize| {
             let mut columns = vec![0.0; targets * width];
             for j in 0..targets {
                 (j..targets).for_each(|i| columns[j * width + i] = 1.0 / (1.0 + (region + i + j) as f64));
@@ -375,7 +376,7 @@ mod tests {
             // The last region has residuals that are rounding.
             (region < 2).then_some(columns)
         };
-        Whitening { regions: (0..3).map(own).collect() }
+        Whitening { regions: (0..3).map(covariances).collect() }
     }
 
     proptest! {
@@ -389,12 +390,12 @@ mod tests {
             let places: Vec<usize> = rows.iter().map(|row| { at += 1 + usize::from(row.3); at }).collect();
             let regions: Vec<u32> = rows.iter().map(|row| row.0).collect();
             let mut residuals = vec![0.0; rows.len() * width];
-            rows.iter().zip(residuals.chunks_exact_mut(width)).for_each(|(row, own)| (own[0], own[1]) = (row.1, row.2));
+            rows.iter().zip(residuals.chunks_exact_mut(width)).for_each(|(row, residual)| (residual[0], residual[1]) = (row.1, row.2));
             let of = |from: usize, to: usize| {
-                let mut own = Lagged::new(q);
+                let mut lagged = Lagged::new(q);
                 let part = (&regions[from..to], &residuals[from * width..to * width], None);
-                own.extend(&whitening, 4, places[from..to].iter().copied(), part);
-                own
+                lagged.extend(&whitening, 4, places[from..to].iter().copied(), part);
+                lagged
             };
             let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(rows.len())).collect();
             cuts.extend([0, rows.len()]);
@@ -412,7 +413,7 @@ mod tests {
                     for (k, now) in places.iter().enumerate().filter_map(|(k, place)| Some((*place, white[k]?))) {
                         // All rows between are there.
                         let chain = (0..=lag).map(|h| {
-                            let there = places.iter().position(|own| h <= k && *own == k - h)?;
+                            let there = places.iter().position(|place| h <= k && *place == k - h)?;
                             white[there]
                         }).collect::<Option<Vec<_>>>();
                         if let Some(chain) = chain { sum += now[a] * chain[lag][b]; }
@@ -440,36 +441,38 @@ mod tests {
         let width = padded(2);
         /// The residuals of a row, from its number, those before and separate noise.
         type Series<'s> = &'s dyn Fn(usize, &[[f64; 2]], [f64; 2]) -> [f64; 2];
-        let found = |series: Series<'_>, span: usize| {
+        let correlated = |series: Series<'_>, span: usize| {
             let mut rows: Vec<[f64; 2]> = Vec::new();
             for k in 0..20_000 {
                 let next = series(k, &rows, [uniform(2 * k as u64), uniform(2 * k as u64 + 1)]);
                 rows.push(next);
             }
             let mut residuals = vec![0.0; rows.len() * width];
-            rows.iter().zip(residuals.chunks_exact_mut(width)).for_each(|(row, own)| own[..2].copy_from_slice(row));
+            rows.iter()
+                .zip(residuals.chunks_exact_mut(width))
+                .for_each(|(row, residual)| residual[..2].copy_from_slice(row));
             let mut lagged = Lagged::new(2);
             let regions = vec![0; rows.len()];
             lagged.extend(&whitening(2), 0, 0..rows.len(), (&regions, &residuals, None));
             lagged.correlation(span)
         };
-        assert_eq!(found(&|_, _, noise| noise, 1), None);
+        assert_eq!(correlated(&|_, _, noise| noise, 1), None);
         let before = |rows: &[[f64; 2]], lag: usize| rows.len().checked_sub(lag).map_or([0.0; 2], |at| rows[at]);
         let first = |_: usize, rows: &[[f64; 2]], noise: [f64; 2]| {
-            let own = before(rows, 1);
-            [0.7 * own[0] + noise[0], 0.3 * own[0] + noise[1]]
+            let values = before(rows, 1);
+            [0.7 * values[0] + noise[0], 0.3 * values[0] + noise[1]]
         };
-        let told = found(&first, 1).expect("correlated");
-        assert_eq!((told.lags.len(), told.targets()), (1, 2));
+        let correlation = correlated(&first, 1).expect("correlated");
+        assert_eq!((correlation.lags.len(), correlation.targets()), (1, 2));
         let second = |_: usize, rows: &[[f64; 2]], noise: [f64; 2]| {
-            let (own, past) = (before(rows, 1), before(rows, 2));
-            [1.1 * own[0] - 0.5 * past[0] + noise[0], noise[1]]
+            let (values, past) = (before(rows, 1), before(rows, 2));
+            [1.1 * values[0] - 0.5 * past[0] + noise[0], noise[1]]
         };
-        assert_eq!(found(&second, 2).expect("correlated").lags.len(), 2);
+        assert_eq!(correlated(&second, 2).expect("correlated").lags.len(), 2);
         let mean = |k: usize, _: &[[f64; 2]], noise: [f64; 2]| {
             let last = [uniform(2 * k.saturating_sub(1) as u64), uniform(2 * k.saturating_sub(1) as u64 + 1)];
             [noise[0] + last[0], noise[1] + last[1]]
         };
-        assert!(found(&mean, 1).is_some() && found(&mean, 2).is_none());
+        assert!(correlated(&mean, 1).is_some() && correlated(&mean, 2).is_none());
     }
 }

@@ -160,26 +160,32 @@ impl Bordered {
         let rows = columns.first().map_or(0, Vec::len);
         let mut regions = vec![0; rows];
         borders.assign(&columns.iter().map(Vec::as_slice).collect::<Vec<&[f64]>>(), &mut regions);
-        let mut found = Self { cells: Cells { centroids: Vec::new(), neighbours: Vec::new() }, region: Vec::new() };
+        let mut joined = Self { cells: Cells { centroids: Vec::new(), neighbours: Vec::new() }, region: Vec::new() };
         let mut before = 0;
         for region in 0..borders.count().max(1) as u32 {
-            let own: Vec<usize> = (0..rows).filter(|&row| regions[row] == region).collect();
+            let members: Vec<usize> = (0..rows).filter(|&row| regions[row] == region).collect();
             // Shares of all cells that add up to them.
             let share = |rows_before: usize| rows_before * count / rows.max(1);
-            let cells = (share(before + own.len()) - share(before)).max(1);
-            before += own.len();
-            let of = |column: &Vec<f64>| own.iter().map(|&row| column[row]).collect::<Vec<f64>>();
+            let cells = (share(before + members.len()) - share(before)).max(1);
+            before += members.len();
+            let of = |column: &Vec<f64>| members.iter().map(|&row| column[row]).collect::<Vec<f64>>();
             let own_columns: Vec<Vec<f64>> = columns.iter().map(of).collect();
             let part = |from: usize| {
-                own_columns.iter().map(|column| &column[from..(from + PART).min(own.len())]).collect::<Columns<'_>>()
+                own_columns
+                    .iter()
+                    .map(|column| &column[from..(from + PART).min(members.len())])
+                    .collect::<Columns<'_>>()
             };
-            let parts: Vec<Columns<'_>> = (0..own.len()).step_by(PART).map(part).collect();
-            let made =
-                if own.is_empty() { Cells::one(columns.len()) } else { Cells::new(&parts, cells, seed, progress)?.0 };
-            found.region.extend(vec![region; made.centroids.len()]);
-            found.cells.append(made);
+            let parts: Vec<Columns<'_>> = (0..members.len()).step_by(PART).map(part).collect();
+            let made = if members.is_empty() {
+                Cells::one(columns.len())
+            } else {
+                Cells::new(&parts, cells, seed, progress)?.0
+            };
+            joined.region.extend(vec![region; made.centroids.len()]);
+            joined.cells.append(made);
         }
-        Ok(found)
+        Ok(joined)
     }
 
     /// The nearest centroid within a row's region, as one argument of the greatest. The scores of regions are far above
@@ -196,12 +202,16 @@ impl Bordered {
             return nearest;
         }
         let factor = SHARP * (of_regions.len() as f64 / square).sqrt();
-        let both = |(own, &region): (&Vec<f64>, &u32)| {
-            own.iter().zip(&of_regions[region as usize]).map(|(own, border)| own + factor * border).collect()
+        let both = |(centroid, &region): (&Vec<f64>, &u32)| {
+            centroid.iter().zip(&of_regions[region as usize]).map(|(centre, border)| centre + factor * border).collect()
         };
         Rule::Linear {
             weights: weights.iter().zip(&self.region).map(both).collect(),
-            offsets: offsets.iter().zip(&self.region).map(|(own, &at)| own + factor * levels[at as usize]).collect(),
+            offsets: offsets
+                .iter()
+                .zip(&self.region)
+                .map(|(offset, &at)| offset + factor * levels[at as usize])
+                .collect(),
         }
     }
 }
@@ -229,16 +239,16 @@ mod tests {
                 made.cells.centroids[cell].iter().zip(&columns).map(|(c, column)| (column[row] - c).powi(2)).sum()
             };
             let nearest = |row: usize| {
-                let own = (0..made.region.len()).filter(|&cell| made.region[cell] == regions[row]);
-                own.min_by(|&a, &b| square(a, row).total_cmp(&square(b, row))).unwrap()
+                let cells = (0..made.region.len()).filter(|&cell| made.region[cell] == regions[row]);
+                cells.min_by(|&a, &b| square(a, row).total_cmp(&square(b, row))).unwrap()
             };
             let other = (0..6000).filter(|&row| nearest(row) != cells[row] as usize).count();
             // Borders are moved by a ten thousandth of a deviation or some: no more than a few rows of 6,000 lie there.
             assert!(other < 12, "size {size}: {other} rows");
             // Cells are neighbours within a region alone.
             let beside = made.cells.neighbours.iter().zip(&made.region);
-            for (own, region) in beside {
-                assert!(own.iter().all(|&other| made.region[other as usize] == *region));
+            for (neighbours, region) in beside {
+                assert!(neighbours.iter().all(|&other| made.region[other as usize] == *region));
             }
         }
     }

@@ -62,39 +62,39 @@ impl Fit<'_> {
     /// Kept models with regions of fewer rows than a map of theirs has numbers, that nothing pulls towards the map of all rows.
     pub(crate) fn starved(&self, kept: &[usize], orders: &[Order], solver: &Solver<'_>) -> Vec<String> {
         let numbers = self.rows.regressors + 1;
-        let told = |&candidate: &usize| {
-            let (own, order) = (&self.segmentation.candidates[candidate], &orders[candidate]);
-            if own.specification == Specification::Null || order.shrinkage > 0.0 || order.continuity.is_some() {
+        let note = |&candidate: &usize| {
+            let (candidate, order) = (&self.segmentation.candidates[candidate], &orders[candidate]);
+            if candidate.specification == Specification::Null || order.shrinkage > 0.0 || order.continuity.is_some() {
                 return None;
             }
-            let partition = &self.segmentation.partitions[own.full];
+            let partition = &self.segmentation.partitions[candidate.full];
             let few =
                 |(region, root): (&u32, &SquareRoot)| (root.rows > 0 && root.rows < numbers as u64).then_some(*region);
-            let regions: Vec<u32> = solver.training(own.full, None).iter().filter_map(few).collect();
+            let regions: Vec<u32> = solver.training(candidate.full, None).iter().filter_map(few).collect();
             let first = partition.region_name(*regions.first()? as usize);
             let (count, all) = (regions.len(), partition.rule.count());
             Some(format!(
                 "{}: {count} of {all} regions (the first: {first}) have fewer rows than the {numbers} coefficients of a map, so their maps are the smallest that fit and do not hold for other rows; \
                  ask for fewer regions, or pull them towards the map of all rows ({SHRINKAGE})",
-                own.specification
+                candidate.specification
             ))
         };
-        kept.iter().filter_map(told).collect()
+        kept.iter().filter_map(note).collect()
     }
 
     /// Kept models whose regions are too many for their pairs to be counted along the phase.
     pub(crate) fn uncounted(&self, kept: &[usize]) -> Vec<String> {
         let Some(phase) = &self.options.phase else { return Vec::new() };
         let many = |&candidate: &usize| {
-            let own = &self.segmentation.candidates[candidate];
-            let regions = self.segmentation.partitions[own.full].rule.count();
-            let told = || {
+            let candidate = &self.segmentation.candidates[candidate];
+            let regions = self.segmentation.partitions[candidate.full].rule.count();
+            let note = || {
                 format!(
                     "{}: {regions} regions are too many to count transitions along {}",
-                    own.specification, phase.specification
+                    candidate.specification, phase.specification
                 )
             };
-            (!own.specification.fits_targets() && regions > MOST_REGIONS).then(told)
+            (!candidate.specification.fits_targets() && regions > MOST_REGIONS).then(note)
         };
         kept.iter().filter_map(many).collect()
     }

@@ -27,7 +27,7 @@ pub(crate) fn pairs(
     let all = regions.len() <= ALL_REGIONS && preconditioner.dimension() <= ALL_COLUMNS;
     let passes = |from: u32, to: u32| transitions.counts[from as usize][to as usize] > 0;
     let seen: Vec<(u32, &Gram)> = regions.iter().map(|(&region, gram)| (region, gram)).collect();
-    let own: Vec<Leftover> =
+    let leftovers: Vec<Leftover> =
         parallel_map(seen.len(), &Silent, |at| Ok::<_, Error>(preconditioner.leftover(seen[at].1)))?;
     let asked: Vec<[usize; 2]> = (0..seen.len())
         .flat_map(|a| (a + 1..seen.len()).map(move |b| [a, b]))
@@ -35,8 +35,10 @@ pub(crate) fn pairs(
         .collect();
     parallel_map(asked.len(), &Silent, |at| {
         let [a, b] = asked[at];
-        let found = same_coefficients(preconditioner, [seen[a].1, seen[b].1], [&own[a], &own[b]], independent);
-        let (statistic, freedom, p) = found.map_or((f64::NAN, 0, f64::NAN), |own| (own.statistic, own.freedom, own.p));
+        let test =
+            same_coefficients(preconditioner, [seen[a].1, seen[b].1], [&leftovers[a], &leftovers[b]], independent);
+        let (statistic, freedom, p) =
+            test.map_or((f64::NAN, 0, f64::NAN), |test| (test.statistic, test.freedom, test.p));
         Ok(RegionPair { regions: [seen[a].0, seen[b].0], statistic, freedom, p })
     })
 }

@@ -93,10 +93,10 @@ impl Seen {
             }
             &PhaseKind::Cyclic { bins, period } => {
                 let within = |low: f64, high: f64| self.low >= low - ROUNDED && self.high <= high + ROUNDED;
-                let found = period.or_else(|| within(0.0, 1.0).then_some(1.0));
-                let found = found.or_else(|| within(-PI, 2.0 * PI).then_some(2.0 * PI));
+                let guessed = period.or_else(|| within(0.0, 1.0).then_some(1.0));
+                let guessed = guessed.or_else(|| within(-PI, 2.0 * PI).then_some(2.0 * PI));
                 let not = || Error::NoPhase { column: phase.column.to_string(), low: self.low, high: self.high };
-                Ok(Scale::Cyclic { period: found.ok_or_else(not)?, bins })
+                Ok(Scale::Cyclic { period: guessed.ok_or_else(not)?, bins })
             }
         }
     }
@@ -174,8 +174,8 @@ mod tests {
         assert_eq!(period(&[0.0, 0.4, 0.999]), 1.0);
         assert_eq!([period(&[0.0, 0.4, 6.2]), period(&[-3.1, 0.4, 3.1])], [2.0 * PI; 2]);
         assert_eq!(scale(&[40.0, 3.0], Some(2.0 * PI)).unwrap(), Scale::Cyclic { period: 2.0 * PI, bins: 4 });
-        let told = scale(&[0.0, 12.5], None).unwrap_err().to_string();
-        assert!(["`q`", "12.5", "angle", "labels:"].iter().all(|part| told.contains(part)), "{told}");
+        let error = scale(&[0.0, 12.5], None).unwrap_err().to_string();
+        assert!(["`q`", "12.5", "angle", "labels:"].iter().all(|part| error.contains(part)), "{error}");
     }
 
     #[test]

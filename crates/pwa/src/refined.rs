@@ -111,8 +111,8 @@ impl Ground {
         sample: Option<Sample>,
         progress: &dyn Progress,
     ) -> Result<Refined, Error> {
-        let found = self.begun(regions, progress)?;
-        self.finished(found, sample, progress)
+        let begun = self.begun(regions, progress)?;
+        self.finished(begun, sample, progress)
     }
 
     /// The best of several starts, on few of the rows where there are many.
@@ -147,8 +147,8 @@ impl Ground {
     }
 
     /// Completes a refinement that was begun, on all rows.
-    fn finished(&self, found: Begun, sample: Option<Sample>, progress: &dyn Progress) -> Result<Refined, Error> {
-        let Begun { mut separators, mut objective, few } = found;
+    fn finished(&self, begun: Begun, sample: Option<Sample>, progress: &dyn Progress) -> Result<Refined, Error> {
+        let Begun { mut separators, mut objective, few } = begun;
         if few && separators.regions > 1 {
             let start = (separators.winners(&self.examples), separators);
             (separators, objective) = descended(&self.examples, vec![start], progress)?;
@@ -166,13 +166,13 @@ impl Ground {
     pub(crate) fn borders(&mut self, progress: &dyn Progress) -> Result<Rule, Error> {
         let mut best: Option<(f64, Begun)> = None;
         for regions in BORDERS {
-            let found = self.begun(regions.min(LIMIT / (self.examples.dimensions + 1)), progress)?;
-            let criterion = criterion(self.few.as_ref().unwrap_or(&self.examples), &found.separators);
+            let begun = self.begun(regions.min(LIMIT / (self.examples.dimensions + 1)), progress)?;
+            let criterion = criterion(self.few.as_ref().unwrap_or(&self.examples), &begun.separators);
             if best.as_ref().is_none_or(|(least, _)| criterion < *least) {
-                best = Some((criterion, found));
+                best = Some((criterion, begun));
             }
         }
-        best.map_or(Ok(Rule::Whole), |(_, found)| Ok(self.finished(found, None, progress)?.rule))
+        best.map_or(Ok(Rule::Whole), |(_, separators)| Ok(self.finished(separators, None, progress)?.rule))
     }
 }
 
@@ -217,15 +217,16 @@ fn descended(
     let ends = parallel_map(descents.len(), &Silent, |at| -> Result<_, Error> {
         Ok(descents[at].0.ends().map(|separators| settled(examples, separators)))
     })?;
-    let mut found: Vec<(f64, Separators, Vec<f64>)> = Vec::new();
+    let mut candidates: Vec<(f64, Separators, Vec<f64>)> = Vec::new();
     for ((_, objective), ends) in descents.into_iter().zip(ends) {
-        found.extend(ends.map(|(error, separators)| (error.max(rounding), separators, objective.clone())));
+        candidates.extend(ends.map(|(error, separators)| (error.max(rounding), separators, objective.clone())));
     }
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found.truncate((SHARPENED * SHARPENED_ROWS / examples.rows).clamp(1, SHARPENED));
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    candidates.truncate((SHARPENED * SHARPENED_ROWS / examples.rows).clamp(1, SHARPENED));
     let mut best = (f64::INFINITY, Separators::zero(1, examples.dimensions), Vec::new());
-    let sharpened = parallel_map(found.len(), &Silent, |at| Ok::<_, Error>(exact(examples, found[at].1.clone())))?;
-    for ((error, separators), (.., objective)) in sharpened.into_iter().zip(found) {
+    let sharpened =
+        parallel_map(candidates.len(), &Silent, |at| Ok::<_, Error>(exact(examples, candidates[at].1.clone())))?;
+    for ((error, separators), (.., objective)) in sharpened.into_iter().zip(candidates) {
         let error = error.max(rounding);
         if error < best.0 {
             best = (error, separators, objective);
@@ -302,8 +303,8 @@ mod tests {
         let mut together = ground();
         for regions in [2, 5, 3] {
             let alone = ground().refine(regions, None, &Silent).unwrap();
-            let found = together.refine(regions, None, &Silent).unwrap();
-            assert_eq!((found.rule, found.objective), (alone.rule, alone.objective));
+            let refined = together.refine(regions, None, &Silent).unwrap();
+            assert_eq!((refined.rule, refined.objective), (alone.rule, alone.objective));
         }
     }
 }

@@ -49,15 +49,15 @@ pub(crate) fn segment(
                 _ => true,
             };
             if wanted {
-                let mut own = match (specification.joined(), &lattice) {
+                let mut partitions = match (specification.joined(), &lattice) {
                     (Some(k), Some(lattice)) => not_joined_yet(k, specification, lattice),
                     _ => {
                         progress.stage(&format!("partition {specification}"));
                         maker.make(specification, progress)?
                     }
                 };
-                own.ties = options.continuous.then(|| maker.ties(&own.partition.rule, places));
-                made.push(own);
+                partitions.ties = options.continuous.then(|| maker.ties(&partitions.partition.rule, places));
+                made.push(partitions);
             }
         }
         result.lattices.extend(lattice);
@@ -82,8 +82,8 @@ impl Segmentation {
     /// if there is one only.
     fn add(&mut self, specification: &Specification, made: Vec<Made>, folds: usize) {
         let first = if made.is_empty() { 0 } else { self.partitions.len() };
-        let own = |fold: usize| if made.len() > 1 { first + 1 + fold } else { first };
-        let by_fold = (0..folds).map(own).collect();
+        let place = |fold: usize| if made.len() > 1 { first + 1 + fold } else { first };
+        let by_fold = (0..folds).map(place).collect();
         let (mut objective, mut ties) = (Vec::new(), Vec::new());
         for (at, made) in made.into_iter().enumerate() {
             if at == 0 {
@@ -174,9 +174,9 @@ impl Maker<'_> {
                 (rule, None, note)
             }
             Specification::Refined(k) => {
-                let found = self.refine(*k, None, (&centre, &scale), progress)?;
-                (objective, open) = (found.0.objective, found.0.open);
-                (found.0.rule, None, found.1)
+                let refined = self.refine(*k, None, (&centre, &scale), progress)?;
+                (objective, open) = (refined.0.objective, refined.0.open);
+                (refined.0.rule, None, refined.1)
             }
             Specification::Tree(depth) => {
                 let (rule, note) = self.cut(*depth, None, progress)?;
@@ -199,9 +199,9 @@ impl Maker<'_> {
                         }
                         Within::Refined(k) => {
                             let of = Some((index, number));
-                            let (found, note) = self.refine(*k, of, (&centre, &scale), progress)?;
+                            let (refined, note) = self.refine(*k, of, (&centre, &scale), progress)?;
                             let name = self.rows.label_columns[index].label(value);
-                            (found.rule, note.map(|note| note.within(&format!("{column} {name}"))))
+                            (refined.rule, note.map(|note| note.within(&format!("{column} {name}"))))
                         }
                         Within::Tree(depth) => self.cut(*depth, Some((index, number)), progress)?,
                     };
@@ -246,8 +246,8 @@ impl Maker<'_> {
     /// the borders of the sample.
     fn sample(&self) -> Option<Sample> {
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
-        let own = self.options.partitions.iter().filter(|one| matches!(one, Specification::Refined(_))).count();
-        let borders = own * (1 + usize::from(self.options.folds));
+        let count = self.options.partitions.iter().filter(|one| matches!(one, Specification::Refined(_))).count();
+        let borders = count * (1 + usize::from(self.options.folds));
         (kept < all && !self.options.continuous).then(|| Sample { share: kept as f64 / all as f64, borders })
     }
 
@@ -263,8 +263,8 @@ impl Maker<'_> {
         let Some(ground) = self.ground(label, units) else {
             return Ok((Refined { rule: Rule::Whole, objective: Vec::new(), open: None }, None));
         };
-        let found = ground.refine(k, sample, progress)?;
-        let (count, name) = (found.rule.count(), Specification::Refined(k));
+        let refined = ground.refine(k, sample, progress)?;
+        let (count, name) = (refined.rule.count(), Specification::Refined(k));
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let note = if count < k {
             Some(Finding::FewRegions { regions: count })
@@ -274,7 +274,7 @@ impl Maker<'_> {
             None
         };
         let note = note.map(|finding| PartitionNote::new(name, finding));
-        Ok((found, note))
+        Ok((refined, note))
     }
 
     /// The kept training rows, all or those of a label, for refinements; `None` where none weigh anything.
@@ -310,8 +310,8 @@ impl Maker<'_> {
         let rule = grown.rule(depth, progress)?;
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let sampled = Finding::Sampled { method: SampleMethod::Grown, kept, all };
-        let told = || PartitionNote::new(Specification::Tree(depth), sampled);
-        Ok((rule, self.survey.examples_lack_memory.then(told)))
+        let note = || PartitionNote::new(Specification::Tree(depth), sampled);
+        Ok((rule, self.survey.examples_lack_memory.then(note)))
     }
 
     /// k-means on the kept training rows that `wanted` selects.
@@ -345,14 +345,14 @@ impl Maker<'_> {
             Some(centroids) => Start::Centroids(centroids),
             None => Start::PlusPlus { seed: self.options.seed, restarts: self.options.restarts },
         };
-        let found = kmeans(&points, start, &options, progress)?;
-        let clusters = found.centroids.len() / self.rows.partition.max(1);
+        let kmeans = kmeans(&points, start, &options, progress)?;
+        let clusters = kmeans.centroids.len() / self.rows.partition.max(1);
         let kept = self.survey.kept.rows();
         let all = self.survey.counts.complete;
         let finding = if clusters < k {
             Some(Finding::FewPositions { positions: clusters })
-        } else if !found.converged {
-            Some(Finding::NotConverged { iterations: found.iterations })
+        } else if !kmeans.converged {
+            Some(Finding::NotConverged { iterations: kmeans.iterations })
         } else if kept < all {
             Some(Finding::Sampled { method: SampleMethod::Clustered, kept, all })
         } else {
@@ -360,7 +360,7 @@ impl Maker<'_> {
         };
         let note = finding.map(|finding| PartitionNote::new(Specification::KMeans(k), finding));
         Ok((
-            Rule::voronoi(found.centroids.chunks_exact(self.rows.partition.max(1)).map(<[f64]>::to_vec).collect()),
+            Rule::voronoi(kmeans.centroids.chunks_exact(self.rows.partition.max(1)).map(<[f64]>::to_vec).collect()),
             note,
         ))
     }

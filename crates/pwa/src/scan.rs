@@ -103,7 +103,7 @@ pub(crate) fn sum(
     progress: &dyn Progress,
 ) -> Result<Scan, Error> {
     let cells: Vec<usize> = segmentation.lattices.iter().map(Lattice::count).collect();
-    let mut found = (!cells.is_empty()).then(|| CellSums::new(&cells, (rows.regressors, rows.dimension())));
+    let mut cell_sums = (!cells.is_empty()).then(|| CellSums::new(&cells, (rows.regressors, rows.dimension())));
     let moments = wanted.plans.first().and_then(Option::as_ref).filter(|plan| plan.is_polynomial());
     let moments = moments.map(|plan| SystemPass::new(plan, source)).transpose()?;
     let pass = Pass { rows, segmentation, preconditioner, wanted, cells, moments };
@@ -133,28 +133,30 @@ pub(crate) fn sum(
         },
         |chunk, mut part| {
             let episode = source.episodes()[chunk.episode].id;
-            if let (Some(pass), Some(own), Some(Some(sums))) = (&pass.moments, part.moments.take(), whole.first_mut()) {
-                pass.end(sums, episode, chunk, own)?;
+            if let (Some(pass), Some(moments), Some(Some(sums))) =
+                (&pass.moments, part.moments.take(), whole.first_mut())
+            {
+                pass.end(sums, episode, chunk, moments)?;
             }
             part.share(wanted.cuts.of(chunk).len());
             ranges.iter_mut().zip(&part.ranges).for_each(|(all, some)| all.merge(some));
             for piece in part.pieces {
-                let own = &wanted.cuts.chunks[piece.chunk];
-                if let (Some(all), Some(part)) = (&mut found, piece.cells) {
-                    all.add(own.fold, part);
+                let chunk = &wanted.cuts.chunks[piece.chunk];
+                if let (Some(all), Some(part)) = (&mut cell_sums, piece.cells) {
+                    all.add(chunk.fold, part);
                 }
                 for (partition, grams) in piece.grams.into_iter().enumerate() {
                     for (region, gram) in grams.into_regions() {
                         let partition = partition as u16;
-                        stats.add(Key { episode, chunk: own.index, fold: own.fold, partition, region }, gram);
+                        stats.add(Key { episode, chunk: chunk.index, fold: chunk.fold, partition, region }, gram);
                     }
                 }
             }
-            let told = part.unassigned.into_iter().zip(part.ranges);
-            for ((sums, grams), (unassigned, ranges)) in whole.iter_mut().zip(part.whole).zip(told) {
+            let unassigned = part.unassigned.into_iter().zip(part.ranges);
+            for ((sums, grams), (unassigned, ranges)) in whole.iter_mut().zip(part.whole).zip(unassigned) {
                 if let (Some(sums), Some(grams)) = (sums, grams) {
-                    let told = EpisodeSums { counts: part.counts, unassigned, ranges };
-                    sums.insert_chunk(episode, chunk, grams, part.also.clone(), told)?;
+                    let episode_sums = EpisodeSums { counts: part.counts, unassigned, ranges };
+                    sums.insert_chunk(episode, chunk, grams, part.also.clone(), episode_sums)?;
                 }
             }
             Ok(())
@@ -163,7 +165,7 @@ pub(crate) fn sum(
     let gathered = wanted.plans.iter().zip(whole).map(|(plan, sums)| {
         plan.as_ref().zip(sums).map(|(plan, sums)| SystemScan::new(plan, &sums)).transpose().map_err(Error::from)
     });
-    Ok(Scan { stats, whole: gathered.collect::<Result<_, Error>>()?, ranges, cells: found })
+    Ok(Scan { stats, whole: gathered.collect::<Result<_, Error>>()?, ranges, cells: cell_sums })
 }
 
 impl Pass<'_> {
@@ -304,9 +306,9 @@ impl Part {
     /// A chunk that folds do not cut is its one piece.
     fn share(&mut self, pieces: usize) {
         let ([piece], 1) = (self.pieces.as_mut_slice(), pieces) else { return };
-        for (own, whole) in piece.grams.iter_mut().zip(&self.whole) {
-            if let Some(whole) = whole.as_ref().filter(|_| own.regions() > 0) {
-                own.clone_from(whole);
+        for (gram, whole) in piece.grams.iter_mut().zip(&self.whole) {
+            if let Some(whole) = whole.as_ref().filter(|_| gram.regions() > 0) {
+                gram.clone_from(whole);
             }
         }
     }

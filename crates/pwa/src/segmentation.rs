@@ -25,8 +25,8 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// Free numbers of maps that meet at borders, on the rows that train for `held`.
     pub(crate) fn ties(&self, held: Option<u16>) -> Option<&Ties> {
-        let own = held.map_or(0, |held| 1 + usize::from(held));
-        self.ties.get(own).or(self.ties.first())
+        let offset = held.map_or(0, |held| 1 + usize::from(held));
+        self.ties.get(offset).or(self.ties.first())
     }
 }
 

@@ -147,8 +147,8 @@ pub(crate) fn evaluate(
         let chosen = costs.iter().position(|cost| *cost <= least + SAME).unwrap_or(0);
         let mut order = held_out(&sets, folds, &variance, grid[chosen], maps(grid[chosen]));
         let training = solver.training(candidate.full, None);
-        let found = fitted(candidate, None, regions(candidate.full), all, &training, order.shrinkage);
-        (order.full, order.numbers) = (found.models, found.numbers);
+        let model = fitted(candidate, None, regions(candidate.full), all, &training, order.shrinkage);
+        (order.full, order.numbers) = (model.models, model.numbers);
         if let Some(bound) = bound.filter(|_| candidate.specification != Specification::Null) {
             hold(bound, &mut order, (all, &training), &sets, &variance)?;
         }
@@ -224,11 +224,11 @@ fn hold(
     for set in sets {
         bound.bound(&mut by_fold[usize::from(set.fold)], set.base, &set.training, order.shrinkage)?;
     }
-    let told = bound.bound(&mut order.full, all, training, order.shrinkage)?;
+    let bound = bound.bound(&mut order.full, all, training, order.shrinkage)?;
     let (full, numbers) = (std::mem::take(&mut order.full), order.numbers);
     let maps = |set: &Set<'_>| std::mem::take(&mut by_fold[usize::from(set.fold)]);
     let held = held_out(sets, folds, variance, order.shrinkage, maps);
-    *order = Order { full, numbers, stability: Some((told, free)), ..held };
+    *order = Order { full, numbers, stability: Some((bound, free)), ..held };
     Ok(())
 }
 
@@ -285,9 +285,9 @@ pub(crate) fn effective_rows_in(
 ) -> f64 {
     let mut means = BatchMeans::new(error.len());
     // Regions of a chunk follow each other.
-    let own: Vec<_> =
+    let stats: Vec<_> =
         stats.iter().filter(|(key, gram)| usize::from(key.partition) == partition && gram.weight > 0.0).collect();
-    for chunk in own.chunk_by(|(a, _), (b, _)| (a.episode, a.chunk, a.fold) == (b.episode, b.chunk, b.fold)) {
+    for chunk in stats.chunk_by(|(a, _), (b, _)| (a.episode, a.chunk, a.fold) == (b.episode, b.chunk, b.fold)) {
         let (mut sums, mut rows) = (vec![0.0; error.len()], 0.0);
         for (key, gram) in chunk {
             let mean = mean_residuals(preconditioner, gram, &models[key.region as usize]);

@@ -101,7 +101,7 @@ impl Loop {
         shrinkage: f64,
     ) -> Result<Stability, Error> {
         match self.bound_all(models, base, training, shrinkage)? {
-            Some(found) => Ok(found),
+            Some(value) => Ok(value),
             // Given equations that nothing can hold: then the states that they advance are inputs.
             None => match self.without_given() {
                 Some(open) => open.bound_all(models, base, training, shrinkage)?,
@@ -115,9 +115,9 @@ impl Loop {
     fn none(&self) -> Error {
         match &self.ports {
             None => Error::NoMetric { bound: self.bound },
-            Some(own) => {
+            Some(ports) => {
                 let ports: Vec<String> =
-                    own.ports.iter().map(|port| format!("{}:{}", port.input, port.output)).collect();
+                    ports.ports.iter().map(|port| format!("{}:{}", port.input, port.output)).collect();
                 Error::NoStorage { ports: ports.join(", ") }
             }
         }
@@ -131,37 +131,37 @@ impl Loop {
         shrinkage: f64,
     ) -> Result<Option<Stability>, Error> {
         let settled = self.settled(base);
-        let own = &settled;
+        let settled = &settled;
         let noise = noise(base);
         let regions: Vec<Region> = models
             .iter()
             .enumerate()
             .map(|(at, model)| {
                 let root = training.get(&(at as u32)).unwrap_or(&base.root);
-                Region::new(own, model, root, (&base.scale, shrinkage), &noise)
+                Region::new(settled, model, root, (&base.scale, shrinkage), &noise)
             })
             .collect::<Option<_>>()
             .ok_or_else(|| self.none())?;
-        let Some(metric) = Metric::search(own, &regions, base)? else { return Ok(None) };
-        let found = metric.nearest(own, &regions, GAP)?;
-        let Some(found) = found else { return Ok(None) };
-        let (mut told, mut passive) = (Vec::with_capacity(models.len()), Vec::new());
-        for ((model, region), contracted) in models.iter_mut().zip(&regions).zip(&found) {
-            let free = own.map(&model.coefficients);
+        let Some(metric) = Metric::search(settled, &regions, base)? else { return Ok(None) };
+        let nearest = metric.nearest(settled, &regions, GAP)?;
+        let Some(contracted_regions) = nearest else { return Ok(None) };
+        let (mut stable_regions, mut passive) = (Vec::with_capacity(models.len()), Vec::new());
+        for ((model, region), contracted) in models.iter_mut().zip(&regions).zip(&contracted_regions) {
+            let free = settled.map(&model.coefficients);
             if contracted.distance > 0.0 {
-                let root = training.get(&(told.len() as u32)).unwrap_or(&base.root);
-                region.write(own, &contracted.values, model, root);
+                let root = training.get(&(stable_regions.len() as u32)).unwrap_or(&base.root);
+                region.write(settled, &contracted.values, model, root);
             }
-            let written = own.map(&model.coefficients);
+            let written = settled.map(&model.coefficients);
             let gap = if contracted.distance > 0.0 { contracted.gap / contracted.distance } else { 0.0 };
-            if own.ports.is_some() {
-                let [free, norm] = [&free, &written].map(|map| metric.measure(own, map).0);
+            if settled.ports.is_some() {
+                let [free, norm] = [&free, &written].map(|map| metric.measure(settled, map).0);
                 passive.push(PassiveRegion { free, norm });
             }
-            told.push(StableRegion {
-                free_radius: own.radius(&free),
+            stable_regions.push(StableRegion {
+                free_radius: settled.radius(&free),
                 free_norm: metric.norm(&free),
-                radius: own.radius(&written),
+                radius: settled.radius(&written),
                 norm: metric.norm(&written),
                 gap,
             });
@@ -172,8 +172,8 @@ impl Loop {
             variables: self.variables.iter().map(ToString::to_string).collect(),
             inputs: self.inputs.clone(),
             metric: (0..P.nrows()).flat_map(|i| (0..P.ncols()).map(move |j| (i, j))).map(|(i, j)| P[(i, j)]).collect(),
-            regions: told,
-            passivity: own.ports.as_ref().map(|own| Passivity { ports: own.ports.clone(), regions: passive }),
+            regions: stable_regions,
+            passivity: settled.ports.as_ref().map(|port| Passivity { ports: port.ports.clone(), regions: passive }),
         }))
     }
 
@@ -215,7 +215,7 @@ fn noise(base: &Base) -> Vec<f64> {
 
 /// The largest singular value; infinite where a number is not finite.
 fn largest(M: &Mat<f64>) -> f64 {
-    svd(M.as_ref()).map_or(f64::INFINITY, |found| found.s.first().copied().unwrap_or(0.0))
+    svd(M.as_ref()).map_or(f64::INFINITY, |svd| svd.s.first().copied().unwrap_or(0.0))
 }
 
 /// The inverse of T.

@@ -183,25 +183,25 @@ mod tests {
     fn a_stride_begins_where_the_phase_wraps() {
         // Three wraps, at rows 3, 6 and 9, in regions 1, 2 and 1.
         let phases: Vec<f64> = (0..12).map(|row| f64::from(row % 3) / 3.0 + 0.1).collect();
-        let found = walked(&steps(&[0, 0, 0, 1, 0, 0, 2, 2, 0, 1, 0, 0], &phases)).phases(&phase(), &SCALE);
-        assert_eq!(found.strides, [[0, 0, 0], [0, 0, 1], [0, 1, 0]]);
-        assert_eq!((found.stride_rows, found.falling), (6, false));
-        assert_eq!(found.rows.iter().flatten().sum::<u64>(), 12);
-        assert_eq!(found.rows[0], [1, 2, 1]);
-        assert_eq!(found.passages.iter().map(|own| own.rows).sum::<u64>(), 11);
-        assert!(found.passages.contains(&Passage { bin: 3, from: 0, to: 1, rows: 2 }), "{found:?}");
+        let counted = walked(&steps(&[0, 0, 0, 1, 0, 0, 2, 2, 0, 1, 0, 0], &phases)).phases(&phase(), &SCALE);
+        assert_eq!(counted.strides, [[0, 0, 0], [0, 0, 1], [0, 1, 0]]);
+        assert_eq!((counted.stride_rows, counted.falling), (6, false));
+        assert_eq!(counted.rows.iter().flatten().sum::<u64>(), 12);
+        assert_eq!(counted.rows[0], [1, 2, 1]);
+        assert_eq!(counted.passages.iter().map(|passage| passage.rows).sum::<u64>(), 11);
+        assert!(counted.passages.contains(&Passage { bin: 3, from: 0, to: 1, rows: 2 }), "{counted:?}");
         // The other way round it falls: strides begin where the phase comes to its end, at rows 3, 6 and 9 again.
         let back: Vec<f64> = phases.iter().rev().copied().collect();
-        let found = walked(&steps(&[0, 0, 0, 1, 0, 0, 2, 2, 0, 1, 0, 0], &back)).phases(&phase(), &SCALE);
-        assert_eq!((found.strides, found.falling), (vec![vec![0, 0, 0], vec![0, 0, 1], vec![0, 1, 0]], true));
+        let phases = walked(&steps(&[0, 0, 0, 1, 0, 0, 2, 2, 0, 1, 0, 0], &back)).phases(&phase(), &SCALE);
+        assert_eq!((phases.strides, phases.falling), (vec![vec![0, 0, 0], vec![0, 0, 1], vec![0, 1, 0]], true));
     }
 
     #[test]
     fn a_phase_that_trembles_begins_one_stride() {
         let phases = [0.8, 0.95, 0.02, 0.97, 0.99, 0.03, 0.98, 0.04, 0.5, 0.9, 0.1];
-        let found = walked(&steps(&[0, 0, 1, 2, 2, 2, 2, 2, 0, 0, 0], &phases)).phases(&phase(), &SCALE);
-        assert_eq!(found.strides, [[0, 0, 0], [1, 0, 0], [0, 0, 0]], "from row 2 to row 10");
-        assert_eq!(found.stride_rows, 8);
+        let phases = walked(&steps(&[0, 0, 1, 2, 2, 2, 2, 2, 0, 0, 0], &phases)).phases(&phase(), &SCALE);
+        assert_eq!(phases.strides, [[0, 0, 0], [1, 0, 0], [0, 0, 0]], "from row 2 to row 10");
+        assert_eq!(phases.stride_rows, 8);
     }
 
     proptest! {

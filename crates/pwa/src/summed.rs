@@ -85,7 +85,8 @@ pub fn identify_summed(
     let too_few = || too_few(problem, rows);
     let base = sums.base(None).filter(|base| base.root.weight > 0.0).ok_or_else(too_few)?;
     let independent = whole.effective_rows(base.average.coefficients.as_ref(), &base.average.intercept);
-    let candidates: Vec<Candidate> = partitions.iter().enumerate().map(|(at, own)| candidate(at, own, rows)).collect();
+    let candidates: Vec<Candidate> =
+        partitions.iter().enumerate().map(|(at, specification)| candidate(at, specification, rows)).collect();
     let regions = |partition: usize| sums.count(partition);
     let shapes = (candidates.as_slice(), &regions as &dyn Fn(usize) -> usize);
     let bound = Loop::asked(problem, options)?;
@@ -148,11 +149,11 @@ fn check(problem: &Problem, rows: &SummedRows) -> Result<(), Error> {
 }
 
 /// Partition 0 is the one region of all rows, and the others follow in their order.
-fn candidate(at: usize, own: &SummedPartition<'_>, rows: &SummedRows) -> Candidate {
-    let whole = matches!(own.specification, Specification::Null | Specification::Average);
+fn candidate(at: usize, summed_partition: &SummedPartition<'_>, rows: &SummedRows) -> Candidate {
+    let whole = matches!(summed_partition.specification, Specification::Null | Specification::Average);
     let full = if whole { 0 } else { at + 1 };
     Candidate {
-        specification: own.specification.clone(),
+        specification: summed_partition.specification.clone(),
         full,
         by_fold: vec![full; usize::from(rows.folds)],
         ties: Vec::new(),
@@ -161,13 +162,13 @@ fn candidate(at: usize, own: &SummedPartition<'_>, rows: &SummedRows) -> Candida
 }
 
 /// Score of a partition; scores that need absolute errors are NaN.
-fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64], regressors: usize) -> Score {
+fn score(summed_partition: &SummedPartition<'_>, order: &Order, sigma: &[f64], regressors: usize) -> Score {
     let unknown = || vec![f64::NAN; sigma.len()];
     let no_interval = Estimate { value: f64::NAN, low: f64::NAN, high: f64::NAN };
     Score {
-        specification: own.specification.clone(),
+        specification: summed_partition.specification.clone(),
         regions: order.full.len(),
-        coefficients: coefficients(&own.specification, order.full.len(), (regressors, sigma.len()), None),
+        coefficients: coefficients(&summed_partition.specification, order.full.len(), (regressors, sigma.len()), None),
         front: false,
         shrinkage: order.shrinkage,
         over_null: unknown(),
@@ -181,7 +182,7 @@ fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64], regressors: us
         losses: order.losses.clone(),
         bic: order.bic,
         continuity: None,
-        stability: order.stability.as_ref().map(|(told, _)| told.clone()),
+        stability: order.stability.as_ref().map(|(stability, _)| stability.clone()),
         free_loss: order.stability.as_ref().map_or(order.loss, |(_, free)| *free),
         objective: Vec::new(),
     }
@@ -211,18 +212,18 @@ impl<'a> Sums<'a> {
     fn model(
         &self,
         (problem, options): (&Problem, &Options),
-        own: &SummedPartition<'_>,
+        summed_partition: &SummedPartition<'_>,
         order: &Order,
         candidate: &Candidate,
         rows: &SummedRows,
     ) -> fleetfoot_model::Model {
-        let null = own.specification == Specification::Null;
+        let null = summed_partition.specification == Specification::Null;
         let library = if null { Vec::new() } else { problem.library.clone() };
         let sums = self.of(candidate.full);
         let again = || Cow::Owned(self.training(candidate.full, None));
         let roots = order.training.as_ref().map_or_else(again, Cow::Borrowed);
-        let mut partition = if candidate.full == 0 { Partition::whole() } else { own.partition.clone() };
-        partition.specification = own.specification.to_string();
+        let mut partition = if candidate.full == 0 { Partition::whole() } else { summed_partition.partition.clone() };
+        partition.specification = summed_partition.specification.to_string();
         let regions = order
             .full
             .iter()

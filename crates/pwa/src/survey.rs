@@ -164,11 +164,11 @@ impl Survey {
         let rows: BTreeMap<(EpisodeId, u64), &Range<usize>> =
             chunks.iter().map(|chunk| ((episodes[chunk.episode].id, chunk.index.into()), &chunk.rows)).collect();
         // Counted in chunks, which folds cut to several lengths.
-        let in_rows = |mut found: Concentration| {
-            let (episode, stretch) = &found.place;
+        let in_rows = |mut concentration: Concentration| {
+            let (episode, stretch) = &concentration.place;
             let (first, last) = (rows.get(&(*episode, stretch.start))?, rows.get(&(*episode, stretch.end - 1))?);
-            found.place.1 = first.start as u64..last.end as u64;
-            (found.rows <= FEW).then_some(found)
+            concentration.place.1 = first.start as u64..last.end as u64;
+            (concentration.rows <= FEW).then_some(concentration)
         };
         let targets = self.targets.iter().next().map_or(0, |(_, gram)| gram.dimension());
         (0..targets).map(|target| Concentration::of(&self.targets, target, 1).and_then(in_rows)).collect()

@@ -84,15 +84,15 @@ impl Grown {
         let open: Vec<usize> = (0..self.nodes.len()).filter(|&at| self.nodes[at].depth == self.depth).collect();
         let d = self.examples.dimensions;
         let examples = &self.examples;
-        let found: Vec<Option<Found>> = {
+        let cuts: Vec<Option<Found>> = {
             let nodes = &self.nodes;
             parallel_all(open.len() * d, |at| nodes[open[at / d]].node.best(examples, at % d, least))
         };
-        let mut found = found.into_iter();
+        let mut cuts = cuts.into_iter();
         for &at in &open {
             // The first of equal ones, up to rounding.
             let noise = cuts::ROUNDING * self.nodes[at].node.total;
-            let columns = found.by_ref().take(d).flatten();
+            let columns = cuts.by_ref().take(d).flatten();
             let best = columns.reduce(|best, next| if next.error < best.error - noise { next } else { best });
             let Some(best) = best.map(|best| self.nodes[at].node.sharpened(examples, best, least)) else { continue };
             let children = self.nodes[at].node.sides(examples, &best);
@@ -134,11 +134,11 @@ impl Grown {
             *regions += 1;
             return Branch::Region(*regions - 1);
         };
-        let own = tree.cuts.len();
+        let count = tree.cuts.len();
         tree.cuts.push(Cut { column, threshold, below: Branch::Region(0), above: Branch::Region(0) });
         let [below, above] = sides.map(|side| self.write(side, kept, regions, tree));
-        (tree.cuts[own].below, tree.cuts[own].above) = (below, above);
-        Branch::Cut(own)
+        (tree.cuts[count].below, tree.cuts[count].above) = (below, above);
+        Branch::Cut(count)
     }
 }
 
@@ -195,11 +195,11 @@ mod tests {
     #[test]
     fn cuts_of_the_truth_are_found_and_no_others_pay() {
         for depth in [2, 4, 6] {
-            let found = cuts(&grown(4000, 0.1, three).rule(depth, &Silent).unwrap());
-            assert_eq!(found.len(), 2, "depth {depth}: {found:?}");
-            assert_eq!((found[0].column, found[1].column), (0, 1));
-            assert!((found[0].threshold - 0.25).abs() < 5e-3 && (found[1].threshold + 0.5).abs() < 0.01, "{found:?}");
-            assert_eq!((found[0].below, found[0].above), (Branch::Region(0), Branch::Cut(1)));
+            let cuts = cuts(&grown(4000, 0.1, three).rule(depth, &Silent).unwrap());
+            assert_eq!(cuts.len(), 2, "depth {depth}: {cuts:?}");
+            assert_eq!((cuts[0].column, cuts[1].column), (0, 1));
+            assert!((cuts[0].threshold - 0.25).abs() < 5e-3 && (cuts[1].threshold + 0.5).abs() < 0.01, "{cuts:?}");
+            assert_eq!((cuts[0].below, cuts[0].above), (Branch::Region(0), Branch::Cut(1)));
         }
     }
 
@@ -211,9 +211,9 @@ mod tests {
 
     #[test]
     fn the_sign_of_a_product_has_its_four_corners() {
-        let found = cuts(&grown(4000, 0.05, |x, y| (x * y).signum()).rule(3, &Silent).unwrap());
-        assert!(found.len() >= 3, "{found:?}");
-        let of = |x: f64, y: f64| Tree { cuts: found.clone() }.region(|column| [x, y][column]);
+        let cuts = cuts(&grown(4000, 0.05, |x, y| (x * y).signum()).rule(3, &Silent).unwrap());
+        assert!(cuts.len() >= 3, "{cuts:?}");
+        let of = |x: f64, y: f64| Tree { cuts: cuts.clone() }.region(|column| [x, y][column]);
         let corners = [of(-0.5, -0.5), of(-0.5, 0.5), of(0.5, -0.5), of(0.5, 0.5)];
         assert!((0..4).all(|i| (0..i).all(|j| corners[i] != corners[j])), "{corners:?}");
     }

@@ -44,8 +44,8 @@ impl Walks {
 
     /// Appends rows of an episode along a phase.
     pub(crate) fn along(&mut self, scale: &Scale, episode: usize, steps: impl Iterator<Item = strides::Step>) {
-        if let Some(own) = &mut self.strides {
-            own.extend(scale, episode, steps);
+        if let Some(strides) = &mut self.strides {
+            strides.extend(scale, episode, steps);
         }
     }
 
@@ -67,8 +67,8 @@ impl Walks {
         if next.last.is_some() {
             (self.episode, self.last) = (next.episode, next.last);
         }
-        if let (Some(own), Some(next), Some(scale)) = (&mut self.strides, &next.strides, phase) {
-            own.merge(next, scale);
+        if let (Some(strides), Some(next), Some(scale)) = (&mut self.strides, &next.strides, phase) {
+            strides.merge(next, scale);
         }
     }
 

@@ -32,8 +32,8 @@ pub(crate) fn check(problem: &Problem, partitions: &[Specification]) -> Result<V
         return Err(Error::NotLinear { specification: other.to_string() });
     }
     let place = |column: &fleetfoot_library::Expr| {
-        let found = problem.library.iter().position(|function| function == column);
-        found.ok_or_else(|| Error::NoRegressor { column: column.to_string() })
+        let index = problem.library.iter().position(|function| function == column);
+        index.ok_or_else(|| Error::NoRegressor { column: column.to_string() })
     };
     problem.partition_columns.iter().map(place).collect()
 }
@@ -41,18 +41,18 @@ pub(crate) fn check(problem: &Problem, partitions: &[Specification]) -> Result<V
 /// The borders of a rule between some rows, given by their raw partition columns. `units`: the centre and scale of z,
 /// those of the rule if it has linear separators. Rules of one region have none.
 pub(crate) fn borders(rule: &Rule, columns: &[Vec<f64>], (centre, scale): (&[f64], &[f64])) -> Vec<Border> {
-    let mut found = match rule {
+    let mut borders = match rule {
         Rule::Linear { weights, offsets } => separated(weights, offsets, columns, (centre, scale)),
         Rule::Tree(tree) => cut(tree, columns, (centre, scale)),
         Rule::Whole | Rule::Ball { .. } | Rule::Joined { .. } | Rule::Labels { .. } => Vec::new(),
     };
-    for border in &mut found {
+    for border in &mut borders {
         let length = border.normal.iter().map(|v| v * v).sum::<f64>().sqrt();
         border.normal.iter_mut().for_each(|v| *v /= length);
     }
     // A plane that is nowhere is no border.
-    found.retain(|border| border.normal.iter().all(|v| v.is_finite()));
-    found
+    borders.retain(|border| border.normal.iter().all(|v| v.is_finite()));
+    borders
 }
 
 /// Two regions that are the first and the second choice of a row have a border between that row and those of the second
@@ -107,15 +107,15 @@ fn cut(tree: &Tree, columns: &[Vec<f64>], (centre, scale): (&[f64], &[f64])) -> 
         .boxes()
         .into_iter()
         .map(|sides| {
-            let mut own = whole.clone();
+            let mut part = whole.clone();
             for (column, [low, high]) in sides {
-                own[column] = [own[column][0].max(low), own[column][1].min(high)];
+                part[column] = [part[column][0].max(low), part[column][1].min(high)];
             }
-            own
+            part
         })
         .collect();
     let overlap = |a: &[f64; 2], b: &[f64; 2]| a[0].max(b[0]) < a[1].min(b[1]) || (a == b && a[0] == a[1]);
-    let mut found = Vec::new();
+    let mut borders = Vec::new();
     for (i, a) in boxes.iter().enumerate() {
         for (j, b) in boxes.iter().enumerate().skip(i + 1) {
             // Along one column they touch, in all others they overlap.
@@ -130,9 +130,9 @@ fn cut(tree: &Tree, columns: &[Vec<f64>], (centre, scale): (&[f64], &[f64])) -> 
                 let mut normal = vec![0.0; columns.len() + 1];
                 normal[column] = sign * scale[column];
                 normal[columns.len()] = sign * (centre[column] - threshold);
-                found.push(Border { pair: [i as u32, j as u32], normal });
+                borders.push(Border { pair: [i as u32, j as u32], normal });
             }
         }
     }
-    found
+    borders
 }

@@ -39,14 +39,14 @@ pub(super) struct Nearest {
 /// Compares `x` with every row of `centroids` (k x d, row-major).
 #[inline(always)]
 pub(super) fn nearest(x: &[f64], centroids: &[f64]) -> Nearest {
-    let mut found = Nearest { label: 0, first: f64::INFINITY, second: f64::INFINITY };
+    let mut nearest = Nearest { label: 0, first: f64::INFINITY, second: f64::INFINITY };
     for (label, c) in centroids.chunks_exact(x.len()).enumerate() {
         let distance = squared_distance(x, c);
-        if distance < found.first {
-            found = Nearest { label: label as u32, first: distance, second: found.first };
-        } else if distance < found.second {
-            found.second = distance;
+        if distance < nearest.first {
+            nearest = Nearest { label: label as u32, first: distance, second: nearest.first };
+        } else if distance < nearest.second {
+            nearest.second = distance;
         }
     }
-    found
+    nearest
 }

@@ -22,9 +22,9 @@ impl<'a> Frame<'a> {
         if dimensions == 0 {
             return Err(KMeansError::NoColumns);
         }
-        for (what, found) in [("columns", columns.len()), ("centres", centre.len()), ("scales", scale.len())] {
-            if found != dimensions {
-                return Err(KMeansError::Shape { what, expected: dimensions, found });
+        for (what, length) in [("columns", columns.len()), ("centres", centre.len()), ("scales", scale.len())] {
+            if length != dimensions {
+                return Err(KMeansError::Shape { what, expected: dimensions, found: length });
             }
         }
         let rows = columns[0].len();

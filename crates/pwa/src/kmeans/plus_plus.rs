@@ -66,8 +66,8 @@ pub(super) fn plus_plus(
             Mutex::new(Closest { label: vec![0; rows], squared: vec![f64::INFINITY; rows] })
         })
         .collect();
-    let found = Round::new(&centroids, d, &[]).run(points, &chunks, progress)?;
-    let mut totals: Vec<f64> = found.iter().map(|found| found.total).collect();
+    let rounds = Round::new(&centroids, d, &[]).run(points, &chunks, progress)?;
+    let mut totals: Vec<f64> = rounds.iter().map(|round| round.total).collect();
     for cluster in 1..clusters {
         let total: f64 = totals.iter().sum();
         // Every row is a centroid already.
@@ -89,12 +89,12 @@ pub(super) fn plus_plus(
             };
             candidates.extend(points.row(chunk * CHUNK + row));
         }
-        let found = Round::new(&centroids, d, &candidates).run(points, &chunks, progress)?;
-        let gains: Vec<f64> = (0..trials).map(|trial| found.iter().map(|found| found.gains[trial]).sum()).collect();
+        let rounds = Round::new(&centroids, d, &candidates).run(points, &chunks, progress)?;
+        let gains: Vec<f64> = (0..trials).map(|trial| rounds.iter().map(|round| round.gains[trial]).sum()).collect();
         // The most gained is the least left; of equal ones the first.
         let best = (1..trials).fold(0, |best, trial| if gains[trial] > gains[best] { trial } else { best });
         centroids.extend_from_slice(&candidates[best * d..(best + 1) * d]);
-        totals = left(points, &chunks, &found, best, &Round::new(&centroids, d, &[]));
+        totals = left(points, &chunks, &rounds, best, &Round::new(&centroids, d, &[]));
     }
     Ok(centroids)
 }
@@ -112,13 +112,13 @@ fn pass(values: &[f64], mut target: f64) -> (usize, f64) {
 }
 
 /// The sums of the chunks when candidate `best` is a centroid.
-fn left(points: &Points, chunks: &[Mutex<Closest>], found: &[Found], best: usize, renew: &Round<'_>) -> Vec<f64> {
-    let one = |(chunk, found): (usize, &Found)| {
-        let rest = found.total - found.gains[best];
+fn left(points: &Points, chunks: &[Mutex<Closest>], rounds: &[Found], best: usize, renew: &Round<'_>) -> Vec<f64> {
+    let one = |(chunk, round): (usize, &Found)| {
+        let rest = round.total - round.gains[best];
         // A difference that lost its digits could be positive where nothing is left.
-        if rest > 1e-6 * found.total { rest } else { renew.chunk(points.chunk(chunk), &mut lock(&chunks[chunk])).total }
+        if rest > 1e-6 * round.total { rest } else { renew.chunk(points.chunk(chunk), &mut lock(&chunks[chunk])).total }
     };
-    found.iter().enumerate().map(one).collect()
+    rounds.iter().enumerate().map(one).collect()
 }
 
 fn lock(closest: &Mutex<Closest>) -> MutexGuard<'_, Closest> {
@@ -333,7 +333,7 @@ mod tests {
             for cluster in 0..clusters {
                 centroids.extend(at(cluster));
                 let candidates: Vec<f64> = (0..3).flat_map(|trial| at(100 + 3 * cluster + trial)).collect();
-                let found = Round::new(&centroids, d, &candidates).run(&points, &chunks, &Silent).unwrap();
+                let rounds = Round::new(&centroids, d, &candidates).run(&points, &chunks, &Silent).unwrap();
                 let plain: Vec<f64> = (0..n)
                     .map(|i| centroids.chunks(d).map(|c| squared_distance(&points.row(i), c)).fold(f64::INFINITY, f64::min))
                     .collect();
@@ -341,11 +341,11 @@ mod tests {
                     prop_assert_eq!(lock(&chunks[i / CHUNK]).squared[i % CHUNK], plain[i]);
                 }
                 let total: f64 = plain.iter().sum();
-                let ours: f64 = found.iter().map(|found| found.total).sum();
+                let ours: f64 = rounds.iter().map(|round| round.total).sum();
                 prop_assert!((ours - total).abs() <= 1e-12 * total);
                 for (trial, candidate) in candidates.chunks(d).enumerate() {
                     let gain: f64 = (0..n).map(|i| (plain[i] - squared_distance(&points.row(i), candidate)).max(0.0)).sum();
-                    let ours: f64 = found.iter().map(|found| found.gains[trial]).sum();
+                    let ours: f64 = rounds.iter().map(|round| round.gains[trial]).sum();
                     prop_assert!((ours - gain).abs() <= 1e-12 * (gain + total));
                 }
             }

@@ -308,19 +308,19 @@ mod tests {
             let centroids: Vec<f64> =
                 (0..k).flat_map(|c| table.0.iter().map(move |column| column[c * 31]).collect::<Vec<_>>()).collect();
             let weights: Vec<f64> = (0..n).map(|i| uniform(3, i as u64, 0)).collect();
-            let found = assign_rows(&table, &centroids, Some(&weights), &Silent).unwrap();
+            let assignment = assign_rows(&table, &centroids, Some(&weights), &Silent).unwrap();
             let mut all = vec![0.0; n * k];
             distances_to(&table, &centroids, &mut all, &Silent).unwrap();
             let mut inertia = 0.0;
             for row in 0..n {
                 let plain: Vec<f64> = centroids.chunks(d).map(|c| distance(&table, row, c)).collect();
                 let least = plain.iter().copied().fold(f64::INFINITY, f64::min);
-                assert!(plain[found.labels[row] as usize] <= least * (1.0 + 1e-9), "row {row}");
+                assert!(plain[assignment.labels[row] as usize] <= least * (1.0 + 1e-9), "row {row}");
                 assert!(all[row * k..][..k].iter().zip(&plain).all(|(a, b)| (a - b).abs() <= 1e-14 * b));
                 inertia += weights[row] * least * least;
             }
-            assert!((found.inertia / inertia - 1.0).abs() < 1e-9, "{} {inertia}", found.inertia);
-            assert_eq!(found.counts.iter().sum::<u64>(), n as u64);
+            assert!((assignment.inertia / inertia - 1.0).abs() < 1e-9, "{} {inertia}", assignment.inertia);
+            assert_eq!(assignment.counts.iter().sum::<u64>(), n as u64);
         }
     }
 

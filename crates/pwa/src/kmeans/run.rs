@@ -72,9 +72,9 @@ pub fn starting_centroids(
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, KMeansError> {
     super::check(points, &KMeansOptions { k, ..KMeansOptions::default() })?;
-    let (expected, found) = (plus_plus_draws(k), draws.len());
-    if found != expected {
-        return Err(KMeansError::Shape { what: "uniform numbers", expected, found });
+    let (expected, count) = (plus_plus_draws(k), draws.len());
+    if count != expected {
+        return Err(KMeansError::Shape { what: "uniform numbers", expected, found: count });
     }
     let mut centroids = plus_plus::plus_plus(points, k, |draw| draws[draw], progress)?;
     while centroids.len() < k * points.dimensions() {
@@ -167,11 +167,11 @@ mod tests {
         for k in [2, 5, 11] {
             let draws: Vec<f64> = (0..plus_plus_draws(k)).map(|i| uniform(8, k as u64, i as u64)).collect();
             let mut points = points(&rows);
-            let found = starting_centroids(&points, k, &draws, &Silent).unwrap();
-            assert_eq!(found, plain(&rows, &vec![1.0; rows.len()], k, &draws));
+            let centroids = starting_centroids(&points, k, &draws, &Silent).unwrap();
+            assert_eq!(centroids, plain(&rows, &vec![1.0; rows.len()], k, &draws));
             points.weigh(weights.clone()).unwrap();
-            let found = starting_centroids(&points, k, &draws, &Silent).unwrap();
-            assert_eq!(found, plain(&rows, &weights, k, &draws));
+            let starting_centroids = starting_centroids(&points, k, &draws, &Silent).unwrap();
+            assert_eq!(starting_centroids, plain(&rows, &weights, k, &draws));
         }
         assert!(starting_centroids(&points(&rows), 3, &[0.5; 4], &Silent).is_err());
     }

@@ -381,10 +381,10 @@ mod tests {
                     doubts += 1;
                     continue;
                 }
-                let found = nearest(x, centroids);
-                assert_eq!(tile.label.0[i], found.label);
+                let nearest = nearest(x, centroids);
+                assert_eq!(tile.label.0[i], nearest.label);
                 let gap = f64::from(tile.gap.0[i]);
-                assert!(k == 1 || gap < found.second.sqrt() - found.first.sqrt(), "{gap} {found:?}");
+                assert!(k == 1 || gap < nearest.second.sqrt() - nearest.first.sqrt(), "{gap} {nearest:?}");
             }
         }
         doubts
@@ -403,7 +403,7 @@ mod tests {
             }
             let ties = (0..1000)
                 .map(|i| nearest(&rows[i * d..][..d], &centroids))
-                .filter(|found| found.first == found.second)
+                .filter(|nearest| nearest.first == nearest.second)
                 .count();
             let open = [
                 check(&rows, d, &centroids, |run| run.with_simd(Scalar::new())),

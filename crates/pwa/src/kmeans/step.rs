@@ -126,10 +126,10 @@ impl Step<'_> {
             let (mut label, mut between) = (tile.label.0[i], tile.gap.0[i]);
             if tile.doubt[i] {
                 self.rows.copy(row as usize, x);
-                let found = nearest(x, self.centroids);
-                label = found.label;
+                let nearest = nearest(x, self.centroids);
+                label = nearest.label;
                 // A single centroid has no second.
-                between = gap(found.first.sqrt() as f32, found.second.sqrt().min(f64::from(f32::MAX)) as f32);
+                between = gap(nearest.first.sqrt() as f32, nearest.second.sqrt().min(f64::from(f32::MAX)) as f32);
             }
             gaps[row as usize] = between;
             let old = std::mem::replace(&mut labels[row as usize], label);

@@ -52,19 +52,19 @@ fn check(rows: &[Vec<f64>], start: &[f64], k: usize, iterations: usize) -> Resul
     let d = rows[0].len();
     let points = points(rows);
     let options = KMeansOptions { k, max_iterations: iterations, tolerance: 0.0 };
-    let found = kmeans(&points, Start::Centroids(start), &options, &Silent).unwrap();
+    let kmeans = kmeans(&points, Start::Centroids(start), &options, &Silent).unwrap();
     let (centroids, labels) = plain(rows, start, iterations);
     let counts: Vec<u64> = (0..k).map(|k| labels.iter().filter(|label| **label == k as u32).count() as u64).collect();
     let members: Vec<usize> = (0..k).filter(|&k| counts[k] > 0).collect();
     let kept: Vec<f64> = members.iter().flat_map(|&k| centroids[k * d..(k + 1) * d].to_vec()).collect();
-    prop_assert_eq!(&found.centroids, &kept);
-    prop_assert_eq!(&found.counts, &members.iter().map(|&k| counts[k]).collect::<Vec<_>>());
+    prop_assert_eq!(&kmeans.centroids, &kept);
+    prop_assert_eq!(&kmeans.counts, &members.iter().map(|&k| counts[k]).collect::<Vec<_>>());
     let inertia: f64 = rows
         .iter()
         .zip(&labels)
         .map(|(row, label)| squared_distance(row, &centroids[*label as usize * d..][..d]))
         .sum();
-    prop_assert!((found.inertia - inertia).abs() <= 1e-12 * inertia);
+    prop_assert!((kmeans.inertia - inertia).abs() <= 1e-12 * inertia);
     // The same rows through the assigner, labels included.
     let assigner = Assigner::new(&centroids, d).unwrap();
     let columns: Vec<Vec<f64>> = (0..d).map(|j| rows.iter().map(|row| row[j]).collect()).collect();
@@ -178,13 +178,13 @@ fn centroids_are_the_means_of_their_rows() {
     let rows = rows(4, 5000, 4, 8);
     let points = points(&rows);
     let options = KMeansOptions { k: 9, max_iterations: 500, tolerance: 0.0 };
-    let found = kmeans(&points, Start::PlusPlus { seed: 2, restarts: 1 }, &options, &Silent).unwrap();
-    assert!(found.converged);
-    let labels: Vec<u32> = rows.iter().map(|row| nearest(row, &found.centroids).label).collect();
-    for (k, centroid) in found.centroids.chunks(4).enumerate() {
+    let kmeans = kmeans(&points, Start::PlusPlus { seed: 2, restarts: 1 }, &options, &Silent).unwrap();
+    assert!(kmeans.converged);
+    let labels: Vec<u32> = rows.iter().map(|row| nearest(row, &kmeans.centroids).label).collect();
+    for (k, centroid) in kmeans.centroids.chunks(4).enumerate() {
         let members: Vec<&Vec<f64>> =
             rows.iter().zip(&labels).filter(|(_, label)| **label == k as u32).map(|(row, _)| row).collect();
-        assert_eq!(members.len() as u64, found.counts[k]);
+        assert_eq!(members.len() as u64, kmeans.counts[k]);
         for j in 0..4 {
             let mean = members.iter().map(|row| row[j]).sum::<f64>() / members.len() as f64;
             assert!((centroid[j] - mean).abs() <= 1e-12 * mean.abs().max(1.0), "{} {mean}", centroid[j]);
@@ -255,13 +255,13 @@ fn small_problems_end_where_scikit_learn_ends() {
         let tail: Vec<&str> = lines.next().unwrap().split(' ').collect();
         let (inertia, made) = (tail[1].parse::<f64>().unwrap(), tail[3].parse::<usize>().unwrap());
         let options = KMeansOptions { k, max_iterations: iterations, tolerance: 0.0 };
-        let found = kmeans(&points(&rows), Start::Centroids(&start), &options, &Silent).unwrap();
-        assert_eq!((rows[0].len(), found.centroids.len()), (d, k * d));
-        for (ours, theirs) in found.centroids.iter().zip(&centroids) {
+        let kmeans = kmeans(&points(&rows), Start::Centroids(&start), &options, &Silent).unwrap();
+        assert_eq!((rows[0].len(), kmeans.centroids.len()), (d, k * d));
+        for (ours, theirs) in kmeans.centroids.iter().zip(&centroids) {
             assert!((ours - theirs).abs() <= 1e-9, "{}: {ours} {theirs}", head[1]);
         }
-        assert!(found.inertia <= inertia * (1.0 + 1e-12), "{}: {} {inertia}", head[1], found.inertia);
-        assert_eq!(found.iterations, made, "{}", head[1]);
+        assert!(kmeans.inertia <= inertia * (1.0 + 1e-12), "{}: {} {inertia}", head[1], kmeans.inertia);
+        assert_eq!(kmeans.iterations, made, "{}", head[1]);
         cases += 1;
     }
     assert_eq!(cases, 4);

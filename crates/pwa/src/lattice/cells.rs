@@ -49,8 +49,8 @@ impl Cells {
             neighbours[first as usize].insert(second);
             neighbours[second as usize].insert(first);
         }
-        let own = nearest.iter().map(|rows| rows.iter().map(|row| row.0).collect()).collect();
-        Ok((Self { centroids, neighbours }, own))
+        let cells_of_rows = nearest.iter().map(|rows| rows.iter().map(|row| row.0).collect()).collect();
+        Ok((Self { centroids, neighbours }, cells_of_rows))
     }
 
     /// One cell.
@@ -61,7 +61,7 @@ impl Cells {
     /// Appends cells that share no border with these.
     pub(crate) fn append(&mut self, other: Self) {
         let before = self.centroids.len() as u32;
-        let moved = |own: BTreeSet<u32>| own.into_iter().map(|cell| cell + before).collect();
+        let moved = |cells: BTreeSet<u32>| cells.into_iter().map(|cell| cell + before).collect();
         self.centroids.extend(other.centroids);
         self.neighbours.extend(other.neighbours.into_iter().map(moved));
     }
@@ -91,15 +91,15 @@ pub(crate) fn centroids(
         points.append(columns, &vec![0.0; d], &vec![1.0; d])?;
     }
     let options = KMeansOptions { k, max_iterations: ITERATIONS, ..KMeansOptions::default() };
-    let found = kmeans(&points, Start::PlusPlus { seed, restarts: 1 }, &options, progress)?;
-    Ok(found.centroids.chunks_exact(d.max(1)).map(<[f64]>::to_vec).collect())
+    let kmeans = kmeans(&points, Start::PlusPlus { seed, restarts: 1 }, &options, progress)?;
+    Ok(kmeans.centroids.chunks_exact(d.max(1)).map(<[f64]>::to_vec).collect())
 }
 
 /// The nearest and the second nearest centroid of every row. Two cells that are so for some row share a border
 /// (Martinetz and Schulten, "Topology representing networks", 1994).
 fn two_nearest(columns: &[&[f64]], centroids: &[Vec<f64>]) -> Vec<(u32, u32)> {
     let rows = columns.first().map_or(0, |column| column.len());
-    let mut found = vec![(0, 0); rows];
+    let mut nearest_two = vec![(0, 0); rows];
     let mut least = vec![(f64::INFINITY, f64::INFINITY); rows];
     let mut squares = vec![0.0; rows];
     for (cell, centroid) in centroids.iter().enumerate() {
@@ -112,11 +112,11 @@ fn two_nearest(columns: &[&[f64]], centroids: &[Vec<f64>]) -> Vec<(u32, u32)> {
         for (row, &square) in squares.iter().enumerate() {
             if square < least[row].0 {
                 least[row] = (square, least[row].0);
-                found[row] = (cell as u32, found[row].0);
+                nearest_two[row] = (cell as u32, nearest_two[row].0);
             } else if square < least[row].1 {
-                (least[row].1, found[row].1) = (square, cell as u32);
+                (least[row].1, nearest_two[row].1) = (square, cell as u32);
             }
         }
     }
-    found
+    nearest_two
 }

@@ -143,8 +143,8 @@ pub(crate) fn joined(cells: &[Gram], table: &[u32]) -> BTreeMap<u32, Gram> {
 pub(crate) fn joined_ranges(cells: &RegionRanges, table: &[u32]) -> RegionRanges {
     let regions = table.iter().max().map_or(0, |&last| last as usize + 1);
     let mut joined = RegionRanges::new(regions, cells.0.first().map_or(0, Vec::len));
-    for (own, &region) in cells.0.iter().zip(table) {
-        widen(&mut joined.0[region as usize], own);
+    for (cell, &region) in cells.0.iter().zip(table) {
+        widen(&mut joined.0[region as usize], cell);
     }
     joined
 }

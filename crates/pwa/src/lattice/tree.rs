@@ -144,8 +144,8 @@ impl<E: Fn(&Gram) -> f64> Growing<E> {
 
     /// Puts every pair of neighbours into the queue that is not there.
     fn bound_neighbours(&mut self) {
-        let of = |(&own, region): (&u32, &Region)| {
-            region.cell.neighbours.iter().filter(move |&&other| other > own).map(move |&other| (own, other)).collect()
+        let of = |(&cell, region): (&u32, &Region)| {
+            region.cell.neighbours.iter().filter(move |&&other| other > cell).map(move |&other| (cell, other)).collect()
         };
         let pairs: Vec<(u32, u32)> = self.regions.iter().flat_map(|entry| -> Vec<(u32, u32)> { of(entry) }).collect();
         for pair in pairs {
@@ -192,7 +192,7 @@ impl<E: Fn(&Gram) -> f64> Growing<E> {
 
     /// Joins two regions; the growth of the error.
     fn join(&mut self, kept: u32, gone: u32) -> f64 {
-        let own = self.prices.get(&(kept, gone)).map_or(0.0, |price| f64::from_bits(price.growth));
+        let growth = self.prices.get(&(kept, gone)).map_or(0.0, |price| f64::from_bits(price.growth));
         let mut bounds: BTreeMap<u32, f64> = BTreeMap::new();
         for region in [kept, gone] {
             let neighbours: Vec<u32> = self.regions[&region].cell.neighbours.iter().copied().collect();
@@ -202,7 +202,7 @@ impl<E: Fn(&Gram) -> f64> Growing<E> {
                 self.queue.remove(&price);
                 let bound = bounds.entry(other).or_insert(0.0);
                 // Both are known up to rounding.
-                *bound = bound.max(f64::from_bits(price.growth) - own - 2.0 * self.noise);
+                *bound = bound.max(f64::from_bits(price.growth) - growth - 2.0 * self.noise);
             }
         }
         let (Some(a), Some(b)) = (self.regions.remove(&kept), self.regions.remove(&gone)) else { return 0.0 };
@@ -225,8 +225,8 @@ impl<E: Fn(&Gram) -> f64> Growing<E> {
     /// Makes all regions each other's neighbours.
     fn connect(&mut self) {
         let all: BTreeSet<u32> = self.regions.keys().copied().collect();
-        for (own, region) in &mut self.regions {
-            region.cell.neighbours = all.iter().copied().filter(|other| other != own).collect();
+        for (number, region) in &mut self.regions {
+            region.cell.neighbours = all.iter().copied().filter(|other| other != number).collect();
         }
         self.bound_neighbours();
     }
@@ -391,8 +391,8 @@ mod tests {
             for count in 1..=values.len() {
                 let regions = tree.regions(count);
                 let of = |region: usize| {
-                    let own = values.iter().zip(&regions).filter(|&(_, &r)| r as usize == region);
-                    error(&gram(&own.flat_map(|(rows, _)| rows).copied().collect::<Vec<_>>()))
+                    let members = values.iter().zip(&regions).filter(|&(_, &r)| r as usize == region);
+                    error(&gram(&members.flat_map(|(rows, _)| rows).copied().collect::<Vec<_>>()))
                 };
                 let direct: f64 = (0..count).map(of).sum();
                 prop_assert!((tree.error(count) - direct).abs() < 1e-9, "{count}: {} {direct}", tree.error(count));

@@ -102,9 +102,9 @@ impl<'a> Descent<'a> {
     fn assign(&mut self, models: &[RegionModel], square: f64) -> (f64, bool) {
         let (examples, separators) = (self.examples, &self.separators);
         let maps = examples.maps(models);
-        let found = examples.map(|_, chunk| cheapest(examples, chunk, separators, &maps, square));
-        let total: f64 = found.iter().map(|(_, cost)| cost).sum();
-        let labels: Vec<Vec<u32>> = found.into_iter().map(|(labels, _)| labels).collect();
+        let assigned = examples.map(|_, chunk| cheapest(examples, chunk, separators, &maps, square));
+        let total: f64 = assigned.iter().map(|(_, cost)| cost).sum();
+        let labels: Vec<Vec<u32>> = assigned.into_iter().map(|(labels, _)| labels).collect();
         let moved = labels != self.labels;
         self.labels = labels;
         (total / examples.weight, moved)

@@ -170,8 +170,8 @@ impl Look {
         let mut errors = vec![0.0; chunk.rows];
         for region in 0..regions {
             chunk.errors(&self.maps, region as u32, &self.variance, &mut errors);
-            let own = near.costs[from..].iter_mut().skip(region).step_by(regions);
-            own.zip(rows).for_each(|(cost, &row)| *cost = chunk.weight(row) * errors[row]);
+            let costs = near.costs[from..].iter_mut().skip(region).step_by(regions);
+            costs.zip(rows).for_each(|(cost, &row)| *cost = chunk.weight(row) * errors[row]);
         }
     }
 }
@@ -228,10 +228,10 @@ impl Open {
     /// The separators that the rows near the borders ask for, of all rows of so much weight.
     pub(crate) fn closed(self, near: &Near, weight: f64) -> Rule {
         let (before, sizes) = (self.error * weight, (weight, self.look.variance.len()));
-        let (found, fall) = near.searched(self.look.separators.clone());
-        let own = self.look.separators;
-        let pays = weight > 0.0 && pays((before, (before - fall).max(0.0)), sizes, &own);
-        super::rule(if pays { &found } else { &own })
+        let (moved, fall) = near.searched(self.look.separators.clone());
+        let separators = self.look.separators;
+        let pays = weight > 0.0 && pays((before, (before - fall).max(0.0)), sizes, &separators);
+        super::rule(if pays { &moved } else { &separators })
     }
 }
 
@@ -264,17 +264,17 @@ impl Near {
     pub(crate) fn merge(&mut self, next: Self) {
         self.u.extend(next.u);
         self.costs.extend(next.costs);
-        self.largest.iter_mut().zip(next.largest).for_each(|(most, own)| *most = most.max(own));
+        self.largest.iter_mut().zip(next.largest).for_each(|(most, largest)| *most = most.max(largest));
     }
 
     /// The separators after all lines are searched, until none lowers the error; by how much it falls.
     fn searched(&self, mut separators: Separators) -> (Separators, f64) {
         let (regions, width) = (separators.regions, separators.dimensions + 1);
         let mut scores: Vec<f64> = self.u.chunks_exact(width).flat_map(|u| separators.of_row(u)).collect();
-        let own = |(scores, costs): (&[f64], &[f64])| {
-            costs[(1..regions).fold(0, |best, own| if scores[own] > scores[best] { own } else { best })]
+        let cost_of = |(scores, costs): (&[f64], &[f64])| {
+            costs[(1..regions).fold(0, |best, region| if scores[region] > scores[best] { region } else { best })]
         };
-        let total: f64 = scores.chunks_exact(regions).zip(self.costs.chunks_exact(regions)).map(own).sum();
+        let total: f64 = scores.chunks_exact(regions).zip(self.costs.chunks_exact(regions)).map(cost_of).sum();
         let greatest = scores.iter().fold(1.0f64, |most, score| most.max(score.abs()));
         let (mut fallen, mut left) = (0.0, self.margin.unwrap_or(FARTHEST * greatest));
         let (rows, dimensions) = (scores.len() / regions, separators.dimensions);
@@ -299,8 +299,8 @@ impl Near {
                     if fall > 0.0 {
                         (fallen, left) = (fallen + fall, left - step.abs() * most);
                         separators.push(region, &direction, step);
-                        let own = scores.iter_mut().skip(region).step_by(regions);
-                        for ((score, gap), along) in own.zip(&mut gaps).zip(&along) {
+                        let scores = scores.iter_mut().skip(region).step_by(regions);
+                        for ((score, gap), along) in scores.zip(&mut gaps).zip(&along) {
                             *score += step * along;
                             gap.1 -= step * along;
                         }
@@ -339,14 +339,14 @@ impl Near {
         (0..width)
             .rev()
             .map(|at| {
-                let mut own = vec![0.0; width];
-                own[at] = 1.0 / lower[(at, at)];
+                let mut column = vec![0.0; width];
+                column[at] = 1.0 / lower[(at, at)];
                 for i in (0..at).rev() {
-                    let sum: f64 = (i + 1..=at).map(|j| lower[(j, i)] * own[j]).sum();
-                    own[i] = -sum / lower[(i, i)];
+                    let sum: f64 = (i + 1..=at).map(|j| lower[(j, i)] * column[j]).sum();
+                    column[i] = -sum / lower[(i, i)];
                 }
-                own.iter_mut().for_each(|value| *value *= f64::sqrt(count));
-                own
+                column.iter_mut().for_each(|value| *value *= f64::sqrt(count));
+                column
             })
             .collect()
     }
@@ -381,7 +381,7 @@ fn oblique(directions: &[Vec<f64>], key: u64) -> Vec<Vec<f64>> {
         let mut sum = vec![0.0; directions[at].len()];
         for (other, direction) in directions.iter().enumerate() {
             let share = uniform(at * directions.len() + other);
-            sum.iter_mut().zip(direction).for_each(|(sum, own)| *sum += share * own);
+            sum.iter_mut().zip(direction).for_each(|(sum, direction)| *sum += share * direction);
         }
         sum
     };
@@ -405,7 +405,7 @@ fn least(mut passes: Vec<(f64, f64)>, longest: f64) -> (f64, f64) {
 /// The other region of the greatest score.
 fn second(scores: &[f64], but: usize) -> usize {
     let other = (0..scores.len()).filter(|&region| region != but);
-    other.reduce(|best, own| if scores[own] > scores[best] { own } else { best }).unwrap_or(but)
+    other.reduce(|best, region| if scores[region] > scores[best] { region } else { best }).unwrap_or(but)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -428,9 +428,9 @@ mod tests {
         fn the_error_never_rises_and_is_that_of_the_regions(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..400) {
             let examples = rows_of(&waves(rows));
             let before = State::of(&examples, separators(table.clone())).error;
-            let (error, found) = exact(&examples, separators(table));
+            let (error, costs) = exact(&examples, separators(table));
             prop_assert!(error <= before);
-            prop_assert_eq!(error, State::of(&examples, found).error);
+            prop_assert_eq!(error, State::of(&examples, costs).error);
         }
 
         /// The sums of passing rows equal the costs of all rows by their winners. A row that a border passes within
@@ -446,13 +446,13 @@ mod tests {
                     let scores = separators.of_row(u);
                     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                     let rounding = 1e-12 * (1.0 + scores.iter().map(|score| score.abs()).fold(0.0, f64::max));
-                    let winners = || (0..3).filter(|&own| scores[own] >= best - rounding).map(|own| costs[own]);
+                    let winners = || (0..3).filter(|&region| scores[region] >= best - rounding).map(|region| costs[region]);
                     [winners().fold(f64::INFINITY, f64::min), winners().fold(f64::NEG_INFINITY, f64::max)]
                 };
-                rows.map(of_row).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+                rows.map(of_row).fold([0.0; 2], |sum, cost| [sum[0] + cost[0], sum[1] + cost[1]])
             };
-            let (found, fall) = near.searched(state.look.separators.clone());
-            let (before, after) = (costs(&state.look.separators), costs(&found));
+            let (separators, fall) = near.searched(state.look.separators.clone());
+            let (before, after) = (costs(&state.look.separators), costs(&separators));
             let tolerance = 1e-9 * (1.0 + before[1]);
             let range = before[0] - after[1] - tolerance..=before[1] - after[0] + tolerance;
             prop_assert!(range.contains(&fall), "{:?} {:?} {}", before, after, fall);
@@ -466,8 +466,8 @@ mod tests {
         let table = [2.7579634409923792, -2.103920767363529, 0.0, -2.6265179614664587, 0.6167634672702993];
         let rest = [-1.8092079364231335, -0.32889448789607145, -1.7533015107123253, 0.0];
         let state = State::of(&examples, separators([&table[..], &rest].concat()));
-        let (found, _) = state.near(&examples).searched(state.look.separators.clone());
-        assert!(found.table.iter().all(|value| value.is_finite()), "{:?}", found.table);
+        let (separators, _) = state.near(&examples).searched(state.look.separators.clone());
+        assert!(separators.table.iter().all(|value| value.is_finite()), "{:?}", separators.table);
     }
 
     #[test]
@@ -480,11 +480,11 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..500).map(row).collect();
         let examples = rows_of(&rows);
         // The border begins at 0.1, and obliquely.
-        let (error, found) = exact(&examples, separators(vec![-1.0, 0.05, 0.1, 1.0, 0.0, -0.1]));
+        let (error, costs) = exact(&examples, separators(vec![-1.0, 0.05, 0.1, 1.0, 0.0, -0.1]));
         // A sum of 500 squares of values of order 1, each subtraction rounded.
         assert!(error < 500.0 * 16.0 * f64::EPSILON, "{error}");
         for row in rows {
-            let scores = found.of_row(&[row[0], row[1], 1.0]);
+            let scores = costs.of_row(&[row[0], row[1], 1.0]);
             assert_eq!(scores[1] > scores[0], row[0] >= 0.3, "{row:?}: {scores:?}");
         }
     }
@@ -494,7 +494,7 @@ mod tests {
         let uniform = |key: u64| mix(key) as f64 / u64::MAX as f64 - 0.5;
         let row = |at: u64| [uniform(3 * at), uniform(3 * at + 1), uniform(3 * at + 2)];
         let examples = rows_of(&(0..500).map(row).collect::<Vec<_>>());
-        let own = separators(vec![-1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-        assert_eq!(exact(&examples, own.clone()).1, own);
+        let separators = separators(vec![-1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        assert_eq!(exact(&examples, separators.clone()).1, separators);
     }
 }

@@ -82,14 +82,14 @@ impl Separators {
 
     /// Scores of a row of partition columns and 1.
     pub(super) fn of_row(&self, u: &[f64]) -> Vec<f64> {
-        let of = |own: &[f64]| own.iter().zip(u).map(|(w, u)| w * u).sum();
+        let of = |weights: &[f64]| weights.iter().zip(u).map(|(w, u)| w * u).sum();
         self.table.chunks_exact(self.dimensions + 1).map(of).collect()
     }
 
     /// Moves weights and offset of a region along a direction.
     pub(super) fn push(&mut self, region: usize, direction: &[f64], step: f64) {
-        let own = &mut self.table[region * (self.dimensions + 1)..];
-        own.iter_mut().zip(direction).for_each(|(w, g)| *w += step * g);
+        let table = &mut self.table[region * (self.dimensions + 1)..];
+        table.iter_mut().zip(direction).for_each(|(w, g)| *w += step * g);
     }
 
     /// The region of the greatest score of every row, the first of equal ones.
@@ -143,9 +143,11 @@ impl Separators {
         let mut value = at.value;
         for _ in 0..steps {
             let (step, slope) = self.newton(examples, labels, penalty, &at.probabilities);
-            let Some((next, found)) = self.backtrack(examples, labels, penalty, &step, (value, slope)) else { break };
-            let fall = value - found.value;
-            (*self, value, at) = (next, found.value, found);
+            let Some((next, improved)) = self.backtrack(examples, labels, penalty, &step, (value, slope)) else {
+                break;
+            };
+            let fall = value - improved.value;
+            (*self, value, at) = (next, improved.value, improved);
             if fall <= 1e-7 * value.abs() {
                 break;
             }
@@ -165,10 +167,10 @@ impl Separators {
         while length >= SHORTEST {
             let table = self.table.iter().zip(step).map(|(w, step)| w + length * step).collect();
             let next = Self { table, ..*self };
-            let found = next.point(examples, labels, penalty);
+            let point = next.point(examples, labels, penalty);
             // Armijo.
-            if found.value <= value + 1e-4 * length * slope && found.value < value {
-                return Some((next, found));
+            if point.value <= value + 1e-4 * length * slope && point.value < value {
+                return Some((next, point));
             }
             length *= 0.5;
         }
@@ -185,7 +187,7 @@ impl Separators {
             (sum, few.then_some(probabilities))
         });
         let value = parts.iter().map(|(sum, _)| sum).sum::<f64>() / examples.weight + self.penalty(examples, penalty);
-        Point { value, probabilities: parts.into_iter().map(|(_, own)| own).collect() }
+        Point { value, probabilities: parts.into_iter().map(|(_, probabilities)| probabilities).collect() }
     }
 
     /// The objective.
@@ -293,7 +295,7 @@ impl Curvature {
     }
 
     fn of(separators: &Separators, chunk: &Chunk, labels: &[u32], probabilities: &Probabilities) -> Self {
-        let mut found = Self::zero(separators);
+        let mut curvature = Self::zero(separators);
         let (k, d) = (separators.regions, separators.dimensions);
         let size = packed_row(d + 1);
         let (mut u, mut outer) = (vec![1.0; d + 1], vec![0.0; size]);
@@ -303,18 +305,18 @@ impl Curvature {
             (0..d).for_each(|column| u[column] = chunk.z[column * chunk.rows + row]);
             near.clear();
             for region in 0..k {
-                let (logarithm, own) = (probabilities.logarithm(region, row), region == label as usize);
-                if logarithm < FAR && !own {
+                let (logarithm, is_label) = (probabilities.logarithm(region, row), region == label as usize);
+                if logarithm < FAR && !is_label {
                     continue;
                 }
                 let p = logarithm.exp();
-                if p > NEGLIGIBLE || own {
+                if p > NEGLIGIBLE || is_label {
                     near.push((region, p));
                 }
             }
             for &(region, p) in &near {
                 let slope = weight * (p - f64::from(u8::from(region == label as usize)));
-                add_scaled(&mut found.gradient[region * (d + 1)..(region + 1) * (d + 1)], slope, &u);
+                add_scaled(&mut curvature.gradient[region * (d + 1)..(region + 1) * (d + 1)], slope, &u);
             }
             if near.len() > 1 {
                 products(&u, &mut outer);
@@ -322,14 +324,14 @@ impl Curvature {
                     let of_upper = if upper > 0 { packed_row(upper - 1) } else { 0 };
                     for &(lower, other) in &near[..at] {
                         if p * other > NEGLIGIBLE {
-                            let block = &mut found.blocks[(of_upper + lower) * size..(of_upper + lower + 1) * size];
+                            let block = &mut curvature.blocks[(of_upper + lower) * size..(of_upper + lower + 1) * size];
                             add_scaled(block, weight * p * other, &outer);
                         }
                     }
                 }
             }
         }
-        found
+        curvature
     }
 
     fn add(&mut self, other: &Self) {
@@ -397,7 +399,7 @@ mod tests {
         });
         let mut one = Separators::zero(3, 2);
         let mut other = Separators::voronoi(&[vec![0.3, 1.0], vec![-1.0, 0.2], vec![0.8, -2.0]], 2);
-        let values = [&mut one, &mut other].map(|own| own.improve(&examples, &labels, 0.7, 100));
+        let values = [&mut one, &mut other].map(|separators| separators.improve(&examples, &labels, 0.7, 100));
         // Values near a minimum are known to the square of the gradient.
         assert!((values[0] - values[1]).abs() < 1e-10 * values[0], "{values:?}");
         for at in 0..one.table.len() {
@@ -435,8 +437,8 @@ mod tests {
             let table = near.table.iter().zip(&step).map(|(w, step)| w + length * step).collect();
             Separators { table, ..near }.value(&examples, &labels, 5.0)
         };
-        let found = (along(1e-3) - along(-1e-3)) / 2e-3;
-        assert!((found - slope).abs() < 1e-6 * slope.abs().max(1e-6), "{found} {slope}");
+        let measured = (along(1e-3) - along(-1e-3)) / 2e-3;
+        assert!((measured - slope).abs() < 1e-6 * slope.abs().max(1e-6), "{measured} {slope}");
     }
 
     #[test]

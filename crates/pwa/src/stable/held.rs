@@ -15,7 +15,7 @@ const GAP: f64 = 1e-6;
 
 /// The models whose regions contract in one metric: a convex set.
 pub struct Contracting {
-    own: Loop,
+    state_loop: Loop,
     metric: Metric,
 }
 
@@ -30,33 +30,34 @@ impl Contracting {
         let n = stability.variables.len();
         let none = || Error::NoMetric { bound: stability.bound };
         // Given states that nothing could hold were left out.
-        let own = if whole.variables.len() == n { whole } else { whole.without_given().ok_or_else(none)? };
+        let state_loop = if whole.variables.len() == n { whole } else { whole.without_given().ok_or_else(none)? };
         let P = Mat::from_fn(n, n, |i, j| stability.metric[i * n + j]);
         let root = P.llt(Side::Lower).map_err(|_| none())?.L().transpose().to_owned();
-        let start = Mat::zeros(own.regressors.len(), own.targets.len());
-        Ok(Self { metric: Metric::new(&own, root, &start).ok_or_else(none)?, own })
+        let start = Mat::zeros(state_loop.regressors.len(), state_loop.targets.len());
+        Ok(Self { metric: Metric::new(&state_loop, root, &start).ok_or_else(none)?, state_loop })
     }
 
     /// The model of the set in which every region's coefficients are nearest to those of a model. `None` if a region
     /// has no room, a decomposition fails, or a latent is not affine. The first partition's regions have one weight
     /// each; maps that contract already stay to the bit.
     pub fn nearest(&self, model: &Model, weights: &[RegionWeight]) -> Option<Model> {
-        let (own, metric) = (&self.own, &self.metric);
+        let (state_loop, metric) = (&self.state_loop, &self.metric);
         let coefficients: Vec<Mat<f64>> = (0..weights.len()).map(|region| coefficients(model, region)).collect();
-        let maps: Vec<Mat<f64>> = coefficients.iter().map(|of| own.map(of)).collect();
-        let measures: Vec<(f64, f64)> = maps.iter().map(|map| metric.measure(own, map)).collect();
+        let maps: Vec<Mat<f64>> = coefficients.iter().map(|of| state_loop.map(of)).collect();
+        let measures: Vec<(f64, f64)> = maps.iter().map(|map| metric.measure(state_loop, map)).collect();
         let norms: Vec<f64> = measures.iter().map(|(norm, _)| *norm).collect();
         let tightest = (0..norms.len()).min_by(|&a, &b| norms[a].total_cmp(&norms[b]))?;
-        let found = parallel_map(weights.len(), &Silent, |at| -> Result<_, Error> {
+        let steps = parallel_map(weights.len(), &Silent, |at| -> Result<_, Error> {
             if norms[at] <= measures[at].1 {
                 return Ok(Some(None));
             }
             let solve = || -> Option<Mat<f64>> {
-                let (region, mean) = Region::weighted(own, &coefficients[at], &weights[at])?;
-                let problem = region.contraction(own, metric);
+                let (region, mean) = Region::weighted(state_loop, &coefficients[at], &weights[at])?;
+                let problem = region.contraction(state_loop, metric);
                 let room = |values: &Mat<f64>| largest(&problem.matrix(values.as_ref()));
-                let read =
-                    |of: &Mat<f64>| Mat::from_fn(own.regressors.len(), of.ncols(), |k, t| of[(own.regressors[k], t)]);
+                let read = |of: &Mat<f64>| {
+                    Mat::from_fn(state_loop.regressors.len(), of.ncols(), |k, t| of[(state_loop.regressors[k], t)])
+                };
                 let known = region.inner(read(&coefficients[tightest]).as_ref());
                 let start = match problem.least() {
                     Some(least) if room(&least) < room(&known) => least,
@@ -64,7 +65,7 @@ impl Contracting {
                 };
                 let nearest = problem.nearest_by_long_steps(region.free.as_ref(), start.as_ref(), GAP)?;
                 let mut moved = coefficients[at].clone();
-                let change = region.moved(own, &nearest.values, &mut moved);
+                let change = region.moved(state_loop, &nearest.values, &mut moved);
                 // The constant follows the means.
                 let p = moved.nrows();
                 Some(Mat::from_fn(p + 1, moved.ncols(), |j, t| match j.checked_sub(1) {
@@ -75,12 +76,12 @@ impl Contracting {
             Ok(solve().map(Some))
         });
         let mut out = model.clone();
-        for (at, found) in found.ok()?.into_iter().enumerate() {
-            let Some(found) = found? else { continue };
+        for (at, step) in steps.ok()?.into_iter().enumerate() {
+            let Some(step) = step? else { continue };
             for (t, latent) in out.latents.iter_mut().enumerate() {
                 let map = latent.affine_mut()?;
-                map.constants[at] += found[(0, t)];
-                map.coefficients[at].iter_mut().enumerate().for_each(|(j, value)| *value = found[(j + 1, t)]);
+                map.constants[at] += step[(0, t)];
+                map.coefficients[at].iter_mut().enumerate().for_each(|(j, value)| *value = step[(j + 1, t)]);
             }
         }
         Some(out)
@@ -88,15 +89,15 @@ impl Contracting {
 
     /// Report of the bound for the regions of another model of the set.
     pub fn stability_of(&self, before: &Stability, model: &Model) -> Stability {
-        let mut told = before.clone();
-        for (at, region) in told.regions.iter_mut().enumerate() {
-            let map = self.own.map(&coefficients(model, at));
-            (region.radius, region.norm) = (self.own.radius(&map), self.metric.norm(&map));
-            if let Some(passive) = &mut told.passivity {
-                passive.regions[at].norm = self.metric.measure(&self.own, &map).0;
+        let mut stability = before.clone();
+        for (at, region) in stability.regions.iter_mut().enumerate() {
+            let map = self.state_loop.map(&coefficients(model, at));
+            (region.radius, region.norm) = (self.state_loop.radius(&map), self.metric.norm(&map));
+            if let Some(passive) = &mut stability.passivity {
+                passive.regions[at].norm = self.metric.measure(&self.state_loop, &map).0;
             }
         }
-        told
+        stability
     }
 }
 

@@ -85,8 +85,8 @@ impl Loop {
         }
         let is_angle = |name: &str| problem.columns.iter().any(|column| column.name == name && column.angle);
         let (mut inputs, mut linear): (Vec<String>, Vec<&Advanced<'_>>) = (Vec::new(), Vec::new());
-        for own in &advanced {
-            let subject = own.equation.subject.as_str();
+        for equation in &advanced {
+            let subject = equation.equation.subject.as_str();
             let mut readers = library.iter().filter(|function| reads(function, subject)).peekable();
             if readers.peek().is_none() {
                 continue;
@@ -99,23 +99,23 @@ impl Loop {
                 {
                     inputs.push(subject.to_owned());
                 }
-                Some(_) if own.target.is_none() => inputs.push(subject.to_owned()),
+                Some(_) if equation.target.is_none() => inputs.push(subject.to_owned()),
                 Some(function) => {
                     return Err(Error::Bends { function: function.to_string(), state: subject.to_owned() });
                 }
-                None => linear.push(own),
+                None => linear.push(equation),
             }
         }
         // A given equation that bends, or that reads what is none of the loop, cannot be part of it; leaving one out may leave others without.
         loop {
-            let names: Vec<&str> = linear.iter().map(|own| own.equation.subject.as_str()).collect();
-            let fits = |own: &&Advanced<'_>| {
-                own.target.is_some() || names.iter().all(|name| slopes(&own.equation.right, name).is_some())
+            let names: Vec<&str> = linear.iter().map(|linear| linear.equation.subject.as_str()).collect();
+            let fits = |advanced: &&Advanced<'_>| {
+                advanced.target.is_some() || names.iter().all(|name| slopes(&advanced.equation.right, name).is_some())
             };
-            let Some(at) = linear.iter().position(|own| !fits(own)) else { break };
+            let Some(at) = linear.iter().position(|linear| !fits(linear)) else { break };
             inputs.push(linear.remove(at).equation.subject.clone());
         }
-        if linear.iter().all(|own| own.target.is_none()) {
+        if linear.iter().all(|linear| linear.target.is_none()) {
             return Err(Error::NothingToBound);
         }
         Self::of(&linear, &library, (problem, targets), (inputs, ports), bound)
@@ -129,63 +129,64 @@ impl Loop {
         bound: f64,
     ) -> Result<Self, Error> {
         let mut variables: Vec<Variable> = Vec::new();
-        for own in linear {
-            let name = &own.equation.subject;
-            let read = library.iter().chain(std::iter::once(&own.equation.right)).flat_map(Expr::reads);
+        for linear in linear {
+            let name = &linear.equation.subject;
+            let read = library.iter().chain(std::iter::once(&linear.equation.right)).flat_map(Expr::reads);
             let deepest = read.filter(|(of, _)| of.as_deref() == Some(name)).map(|(_, lag)| lag).max().unwrap_or(0);
             variables.extend((0..=deepest.max(0)).map(|lag| Variable { name: name.clone(), lag }));
         }
         let n = variables.len();
-        let place = |name: &str, lag: i32| variables.iter().position(|own| own.name == name && own.lag == lag);
-        let found = match ports {
+        let place =
+            |name: &str, lag: i32| variables.iter().position(|variable| variable.name == name && variable.lag == lag);
+        let port_rows = match ports {
             [] => None,
             ports => Some(Ports::new(ports, problem, library, |name| place(name, 0))?),
         };
         let row_of = |expression: &Expr| {
             let mut row = vec![0.0; n + ports.len()];
-            for own in linear {
-                for (lag, slope) in slopes(expression, &own.equation.subject).into_iter().flatten() {
-                    if let Some(at) = place(&own.equation.subject, lag) {
+            for linear in linear {
+                for (lag, slope) in slopes(expression, &linear.equation.subject).into_iter().flatten() {
+                    if let Some(at) = place(&linear.equation.subject, lag) {
                         row[at] += slope;
                     }
                 }
             }
             for (at, port) in ports.iter().enumerate() {
-                let own = slopes(expression, &port.input).into_iter().flatten().filter(|(lag, _)| *lag == 0);
-                row[n + at] += own.map(|(_, slope)| slope).sum::<f64>();
+                let slopes = slopes(expression, &port.input).into_iter().flatten().filter(|(lag, _)| *lag == 0);
+                row[n + at] += slopes.map(|(_, slope)| slope).sum::<f64>();
             }
             row
         };
         let functions: Vec<Vec<f64>> = library.iter().map(&row_of).collect();
         let mut offset = Mat::zeros(n, n + ports.len());
         let (mut of_targets, mut given) = (vec![None; targets], Vec::new());
-        for own in linear {
-            let Some(row) = place(&own.equation.subject, 0) else { continue };
-            let (factor, gain) = match own.equation.prediction {
+        for linear in linear {
+            let Some(row) = place(&linear.equation.subject, 0) else { continue };
+            let (factor, gain) = match linear.equation.prediction {
                 Prediction::Derivative => (1.0, problem.step),
                 Prediction::Difference => (1.0, 1.0),
                 Prediction::Next | Prediction::Value => (0.0, 1.0),
             };
             offset[(row, row)] += factor;
-            match own.target {
+            match linear.target {
                 Some(target) => of_targets[target] = Some((row, gain)),
                 None => {
                     given.push(row);
-                    row_of(&own.equation.right)
+                    row_of(&linear.equation.right)
                         .iter()
                         .enumerate()
                         .for_each(|(k, slope)| offset[(row, k)] += gain * slope);
                 }
             }
         }
-        for (row, own) in variables.iter().enumerate().filter(|(_, own)| own.lag > 0) {
-            if let Some(before) = place(&own.name, own.lag - 1) {
+        for (row, variable) in variables.iter().enumerate().filter(|(_, variable)| variable.lag > 0) {
+            if let Some(before) = place(&variable.name, variable.lag - 1) {
                 offset[(row, before)] = 1.0;
             }
         }
         let regressors = (0..functions.len()).filter(|&j| functions[j].iter().any(|&slope| slope != 0.0)).collect();
         let reads = Mat::from_fn(functions.len(), n + ports.len(), |j, k| functions[j][k]);
-        Ok(Self { variables, offset, targets: of_targets, reads, regressors, inputs, given, bound, ports: found })
+        Ok(Self { variables, offset, targets: of_targets, reads, regressors, inputs, given, bound, ports: port_rows })
     }
 
     /// The loop without the states that given equations advance; `None` where there are none, or a port is at one.
@@ -208,7 +209,11 @@ impl Loop {
         Some(Self {
             variables: kept.iter().map(|&at| self.variables[at].clone()).collect(),
             offset: Mat::from_fn(kept.len(), columns.len(), |i, k| self.offset[(kept[i], columns[k])]),
-            targets: self.targets.iter().map(|own| own.and_then(|(row, gain)| Some((place(row)?, gain)))).collect(),
+            targets: self
+                .targets
+                .iter()
+                .map(|target| target.and_then(|(row, gain)| Some((place(row)?, gain))))
+                .collect(),
             regressors: (0..reads.nrows()).filter(|&j| (0..reads.ncols()).any(|k| reads[(j, k)] != 0.0)).collect(),
             reads,
             inputs,
@@ -242,12 +247,12 @@ pub(super) fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
     let lags = function.reads().into_iter().filter(|(name, _)| name.as_deref() == Some(state)).map(|(_, lag)| lag);
     let slope = |lag: i32| {
         // A name that no column can have.
-        let own = "\u{1}state";
+        let marker = "\u{1}state";
         let marked = function.replaced(|part| match part.node() {
-            Node::Column { name, lag: read } if **name == *state && *read == lag => Some(Expr::column(own)),
+            Node::Column { name, lag: read } if **name == *state && *read == lag => Some(Expr::column(marker)),
             _ => None,
         });
-        Some((lag, marked.derivative(own).simplified().as_number().filter(|slope| slope.is_finite())?))
+        Some((lag, marked.derivative(marker).simplified().as_number().filter(|slope| slope.is_finite())?))
     };
     lags.map(slope).collect()
 }

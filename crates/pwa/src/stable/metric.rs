@@ -33,13 +33,13 @@ pub(crate) struct Supply {
 
 impl Metric {
     /// `None` where ports have more coming in than such a storage can take.
-    pub(crate) fn new(own: &Loop, root: Mat<f64>, start: &Mat<f64>) -> Option<Self> {
+    pub(crate) fn new(state_loop: &Loop, root: Mat<f64>, start: &Mat<f64>) -> Option<Self> {
         let inverse = inverse(&root);
-        let supply = match &own.ports {
+        let supply = match &state_loop.ports {
             None => None,
             Some(ports) => {
                 let gamma = ports.output(root.nrows()) * &inverse;
-                let lower = ports.supply(&gamma, own.bound).llt(Side::Lower).ok()?.L().to_owned();
+                let lower = ports.supply(&gamma, state_loop.bound).llt(Side::Lower).ok()?.L().to_owned();
                 let weight = super::inverse(&lower.transpose().to_owned());
                 Some(Supply { gamma, lower, weight })
             }
@@ -59,9 +59,9 @@ impl Metric {
     }
 
     /// Bounded quantity, and its bound: the map's norm, or that of `T [M N] L^-T` in a passive loop.
-    pub(crate) fn measure(&self, own: &Loop, M: &Mat<f64>) -> (f64, f64) {
+    pub(crate) fn measure(&self, state_loop: &Loop, M: &Mat<f64>) -> (f64, f64) {
         match self.supply {
-            None => (self.norm(M), own.bound),
+            None => (self.norm(M), state_loop.bound),
             Some(_) => (largest(&self.seen(M)), 1.0),
         }
     }

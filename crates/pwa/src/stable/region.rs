@@ -54,7 +54,7 @@ pub(crate) struct Region {
 impl Region {
     /// Of a region's free model and the rows that it was fitted on; `noise` are the variances of the targets' errors. `None` where a number is not finite.
     pub(crate) fn new(
-        own: &Loop,
+        state_loop: &Loop,
         model: &RegionModel,
         root: &SquareRoot,
         (units, shrinkage): (&[f64], f64),
@@ -75,30 +75,34 @@ impl Region {
         };
         let R = Mat::from_fn(p + pull, p, entry);
         let scale = noise.iter().map(|variance| 1.0 / variance.sqrt()).collect();
-        Self::of(own, &model.coefficients, R.as_ref(), (units, FOLLOWED), scale)
+        Self::of(state_loop, &model.coefficients, R.as_ref(), (units, FOLLOWED), scale)
     }
 
     /// Of products of the functions, the constant first, that are positive definite, and weights of the targets: the
     /// metric of the nearest coefficients. With the means of the functions.
-    pub(crate) fn weighted(own: &Loop, coefficients: &Mat<f64>, weight: &RegionWeight) -> Option<(Self, Vec<f64>)> {
+    pub(crate) fn weighted(
+        state_loop: &Loop,
+        coefficients: &Mat<f64>,
+        weight: &RegionWeight,
+    ) -> Option<(Self, Vec<f64>)> {
         let (G, p) = (&weight.products, coefficients.nrows());
         let mean: Vec<f64> = (0..p).map(|j| G[(j + 1, 0)] / G[(0, 0)]).collect();
         let S = Mat::from_fn(p, p, |i, j| G[(i + 1, j + 1)] - G[(i + 1, 0)] * mean[j]);
         let R = S.llt(Side::Lower).ok()?.L().transpose().to_owned();
         let units: Vec<f64> = (0..p).map(|j| (S[(j, j)] / G[(0, 0)]).sqrt()).collect();
         let scale = weight.targets.iter().map(|weight| weight.sqrt()).collect();
-        Some((Self::of(own, coefficients, R.as_ref(), (&units, 0.0), scale)?, mean))
+        Some((Self::of(state_loop, coefficients, R.as_ref(), (&units, 0.0), scale)?, mean))
     }
 
     /// Of rows R, in raw units and centred; `followed`: the pull on how other coefficients follow.
     fn of(
-        own: &Loop,
+        state_loop: &Loop,
         coefficients: &Mat<f64>,
         R: MatRef<'_, f64>,
         (units, followed): (&[f64], f64),
         scale: Vec<f64>,
     ) -> Option<Self> {
-        let (p, rows) = (R.ncols(), &own.regressors);
+        let (p, rows) = (R.ncols(), &state_loop.regressors);
         let others: Vec<usize> = (0..p).filter(|j| !rows.contains(j)).collect();
         // In units of the columns, so that rank is told.
         let columns = |of: &[usize]| Mat::from_fn(R.nrows(), of.len(), |i, k| R[(i, of[k])] / units[of[k]]);
@@ -113,7 +117,7 @@ impl Region {
         // From the units of the columns back to raw ones.
         let upper = Mat::from_fn(s, s, |i, k| if k >= i { L[(k, i)] * units[rows[k]] } else { 0.0 });
         let follow = Mat::from_fn(others.len(), s, |i, k| follow[(i, k)] * units[rows[k]] / units[others[i]]);
-        let reads = Mat::from_fn(s, own.reads.ncols(), |k, v| own.reads[(rows[k], v)]);
+        let reads = Mat::from_fn(s, state_loop.reads.ncols(), |k, v| state_loop.reads[(rows[k], v)]);
         let right = upper.transpose().partial_piv_lu().solve(&reads);
         let A = Mat::from_fn(s, scale.len(), |k, t| coefficients[(rows[k], t)]);
         let mut region = Self { free: Mat::zeros(0, 0), right, upper, follow, others, scale };
@@ -128,23 +132,24 @@ impl Region {
     }
 
     /// The map in a metric.
-    pub(crate) fn contraction(&self, own: &Loop, metric: &Metric) -> Contraction {
-        let n = own.variables.len();
-        let entry =
-            |i: usize, t: usize| own.targets[t].map_or(0.0, |(row, gain)| metric.root[(i, row)] * gain / self.scale[t]);
+    pub(crate) fn contraction(&self, state_loop: &Loop, metric: &Metric) -> Contraction {
+        let n = state_loop.variables.len();
+        let entry = |i: usize, t: usize| {
+            state_loop.targets[t].map_or(0.0, |(row, gain)| metric.root[(i, row)] * gain / self.scale[t])
+        };
         let left = |i: usize, t: usize| if i < n { entry(i, t) } else { 0.0 };
-        let offset = metric.seen(&own.offset);
+        let offset = metric.seen(&state_loop.offset);
         Contraction {
-            left: Mat::from_fn(offset.nrows(), own.targets.len(), left),
+            left: Mat::from_fn(offset.nrows(), state_loop.targets.len(), left),
             offset,
             right: metric.behind(&self.right),
-            bound: if own.ports.is_some() { 1.0 } else { own.bound },
+            bound: if state_loop.ports.is_some() { 1.0 } else { state_loop.bound },
         }
     }
 
     /// Writes Y into a model of the region; functions that read no variable, and the constant, follow.
-    pub(crate) fn write(&self, own: &Loop, values: &Mat<f64>, model: &mut RegionModel, root: &SquareRoot) {
-        self.moved(own, values, &mut model.coefficients);
+    pub(crate) fn write(&self, state_loop: &Loop, values: &Mat<f64>, model: &mut RegionModel, root: &SquareRoot) {
+        self.moved(state_loop, values, &mut model.coefficients);
         for t in 0..values.ncols() {
             let explained = |(j, mean): (usize, &f64)| mean * model.coefficients[(j, t)];
             model.intercept[t] = root.mean_y[t] - root.mean_x.iter().enumerate().map(explained).sum::<f64>();
@@ -152,15 +157,15 @@ impl Region {
     }
 
     /// Writes Y into the coefficients of the region (p x q); functions that read no variable follow. The change.
-    pub(crate) fn moved(&self, own: &Loop, values: &Mat<f64>, coefficients: &mut Mat<f64>) -> Mat<f64> {
+    pub(crate) fn moved(&self, state_loop: &Loop, values: &Mat<f64>, coefficients: &mut Mat<f64>) -> Mat<f64> {
         let (s, q) = (values.nrows(), values.ncols());
         let raw = Mat::from_fn(s, q, |k, t| values[(k, t)] / self.scale[t]);
         let A = self.upper.partial_piv_lu().solve(&raw);
         let before = coefficients.clone();
-        let change = Mat::from_fn(s, q, |k, t| A[(k, t)] - before[(own.regressors[k], t)]);
+        let change = Mat::from_fn(s, q, |k, t| A[(k, t)] - before[(state_loop.regressors[k], t)]);
         let followed = &self.follow * &change;
         for t in 0..q {
-            own.regressors.iter().enumerate().for_each(|(k, &j)| coefficients[(j, t)] = A[(k, t)]);
+            state_loop.regressors.iter().enumerate().for_each(|(k, &j)| coefficients[(j, t)] = A[(k, t)]);
             self.others.iter().enumerate().for_each(|(k, &j)| coefficients[(j, t)] -= followed[(k, t)]);
         }
         &*coefficients - before
@@ -169,9 +174,8 @@ impl Region {
 
 /// `X` for which `|A X - B|^2 + pull |X|^2` is least.
 fn solved(A: MatRef<'_, f64>, B: MatRef<'_, f64>, pull: f64) -> Option<Mat<f64>> {
-    let found = svd(A)?;
-    let along = found.u.transpose() * B;
-    let scaled =
-        Mat::from_fn(found.s.len(), B.ncols(), |k, j| along[(k, j)] * found.s[k] / (found.s[k].powi(2) + pull));
-    Some(found.v.subcols(0, found.s.len()) * &scaled)
+    let svd = svd(A)?;
+    let along = svd.u.transpose() * B;
+    let scaled = Mat::from_fn(svd.s.len(), B.ncols(), |k, j| along[(k, j)] * svd.s[k] / (svd.s[k].powi(2) + pull));
+    Some(svd.v.subcols(0, svd.s.len()) * &scaled)
 }

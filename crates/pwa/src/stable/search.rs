@@ -28,15 +28,15 @@ struct Tried {
 
 impl Metric {
     /// Searches from the Lyapunov equation of the one-region model, and from the states' units; `None` where neither has room for all regions.
-    pub(crate) fn search(own: &Loop, regions: &[Region], base: &Base) -> Result<Option<Self>, Error> {
-        let units = units(own, base);
-        if own.ports.is_some() {
-            return Self::search_passive(own, regions, base, &units);
+    pub(crate) fn search(state_loop: &Loop, regions: &[Region], base: &Base) -> Result<Option<Self>, Error> {
+        let units = units(state_loop, base);
+        if state_loop.ports.is_some() {
+            return Self::search_passive(state_loop, regions, base, &units);
         }
-        let Some((start, M)) = contracting(own, base, &units) else { return Ok(None) };
+        let Some((start, M)) = contracting(state_loop, base, &units) else { return Ok(None) };
         let mut roots = vec![Mat::from_fn(units.len(), units.len(), |i, j| if i == j { 1.0 / units[i] } else { 0.0 })];
         // A little under the bound, so that the map itself is strictly within.
-        let within = 0.5 * (spectral_radius(M.as_ref()) + own.bound);
+        let within = 0.5 * (spectral_radius(M.as_ref()) + state_loop.bound);
         let scaled = Mat::from_fn(M.nrows(), M.ncols(), |i, j| M[(i, j)] / within);
         let weight = Mat::from_fn(units.len(), units.len(), |i, j| if i == j { units[i].powi(-2) } else { 0.0 });
         if let Some(P) = lyapunov(scaled.as_ref(), weight.as_ref())
@@ -44,43 +44,48 @@ impl Metric {
         {
             roots.push(factor.L().transpose().to_owned());
         }
-        Self::cheapest(own, regions, roots.into_iter().map(|root| (root, &start)))
+        Self::cheapest(state_loop, regions, roots.into_iter().map(|root| (root, &start)))
     }
 
     /// From storages of the one-region model, or of one that is damped until it has any.
-    fn search_passive(own: &Loop, regions: &[Region], base: &Base, units: &[f64]) -> Result<Option<Self>, Error> {
-        let found = dissipating(own, base, units);
-        Self::cheapest(own, regions, found.iter().map(|(root, start)| (root.clone(), start)))
+    fn search_passive(
+        state_loop: &Loop,
+        regions: &[Region],
+        base: &Base,
+        units: &[f64],
+    ) -> Result<Option<Self>, Error> {
+        let dissipating = dissipating(state_loop, base, units);
+        Self::cheapest(state_loop, regions, dissipating.iter().map(|(root, start)| (root.clone(), start)))
     }
 
     /// The cheapest of some roots with their starts, and the descent from it.
     fn cheapest<'a>(
-        own: &Loop,
+        state_loop: &Loop,
         regions: &[Region],
         roots: impl Iterator<Item = (Mat<f64>, &'a Mat<f64>)>,
     ) -> Result<Option<Self>, Error> {
         let mut best: Option<Tried> = None;
         for (root, start) in roots {
-            let Some(metric) = Self::new(own, root, start) else { continue };
-            if let Some(tried) = metric.tried(own, regions)?
+            let Some(metric) = Self::new(state_loop, root, start) else { continue };
+            if let Some(tried) = metric.tried(state_loop, regions)?
                 && best.as_ref().is_none_or(|best| tried.price < best.price)
             {
                 best = Some(tried);
             }
         }
         match best {
-            Some(best) => Ok(Some(best.descend(own, regions)?)),
+            Some(best) => Ok(Some(best.descend(state_loop, regions)?)),
             None => Ok(None),
         }
     }
 
-    fn tried(self, own: &Loop, regions: &[Region]) -> Result<Option<Tried>, Error> {
-        let Some(found) = self.nearest(own, regions, ROUGH)? else { return Ok(None) };
+    fn tried(self, state_loop: &Loop, regions: &[Region]) -> Result<Option<Tried>, Error> {
+        let Some(nearest) = self.nearest(state_loop, regions, ROUGH)? else { return Ok(None) };
         let n = self.root.nrows();
         let (mut price, mut slope) = (0.0, Mat::<f64>::zeros(n, n));
-        for one in &found {
+        for one in &nearest {
             price += one.distance;
-            let G = self.turned(own, one);
+            let G = self.turned(state_loop, one);
             slope += Mat::from_fn(n, n, |i, j| -(G[(i, j)] + G[(j, i)]));
         }
         Ok(price.is_finite().then_some(Tried { metric: self, price, slope }))
@@ -90,8 +95,8 @@ impl Metric {
     ///
     /// `K = T M T^-1` turns by `Z K - K Z`. Of a passive loop `K = J L^-T`, J being the map [M N] in the coordinates T
     /// x. Besides J the supply S turns, by `-h C T^-1 Z` and its transpose.
-    fn turned(&self, own: &Loop, one: &Contracted) -> Mat<f64> {
-        let (Some(supply), Some(ports)) = (&self.supply, &own.ports) else {
+    fn turned(&self, state_loop: &Loop, one: &Contracted) -> Mat<f64> {
+        let (Some(supply), Some(ports)) = (&self.supply, &state_loop.ports) else {
             return &one.multiplier * one.matrix.transpose() - one.matrix.transpose() * &one.multiplier;
         };
         let n = self.root.nrows();
@@ -110,13 +115,13 @@ impl Metric {
     /// All regions' coefficients nearest to their free ones; `None` where a region has no room.
     pub(crate) fn nearest(
         &self,
-        own: &Loop,
+        state_loop: &Loop,
         regions: &[Region],
         tolerance: f64,
     ) -> Result<Option<Vec<Contracted>>, Error> {
-        let found = parallel_map(regions.len(), &Silent, |at| -> Result<_, Error> {
+        let contracted = parallel_map(regions.len(), &Silent, |at| -> Result<_, Error> {
             let region = &regions[at];
-            let problem = region.contraction(own, self);
+            let problem = region.contraction(state_loop, self);
             let room = |values: &Mat<f64>| largest(&problem.matrix(values.as_ref()));
             let known = region.inner(self.start.as_ref());
             let start = match problem.least() {
@@ -125,14 +130,14 @@ impl Metric {
             };
             Ok(problem.nearest(region.free.as_ref(), start.as_ref(), tolerance))
         })?;
-        Ok(found.into_iter().collect())
+        Ok(contracted.into_iter().collect())
     }
 }
 
 impl Tried {
     /// Steps of T along the falling price, `T <- (I - eta G / |G|) T`: longer after a step that helped, and shorter
     /// after one that did not.
-    fn descend(self, own: &Loop, regions: &[Region]) -> Result<Metric, Error> {
+    fn descend(self, state_loop: &Loop, regions: &[Region]) -> Result<Metric, Error> {
         let (mut at, mut length) = (self, 0.3);
         for _ in 0..TRIALS {
             let size = at.slope.norm_l2();
@@ -142,8 +147,8 @@ impl Tried {
             let n = at.slope.nrows();
             let one = |i: usize, j: usize| f64::from(u8::from(i == j)) - length * at.slope[(i, j)] / size;
             let root = Mat::from_fn(n, n, one) * &at.metric.root;
-            let next = match Metric::new(own, root, &at.metric.start) {
-                Some(metric) => metric.tried(own, regions)?,
+            let next = match Metric::new(state_loop, root, &at.metric.start) {
+                Some(metric) => metric.tried(state_loop, regions)?,
                 None => None,
             };
             match next {
@@ -163,16 +168,16 @@ impl Tried {
 }
 
 /// Deviations of the variables, by the functions that read them.
-fn units(own: &Loop, base: &Base) -> Vec<f64> {
+fn units(state_loop: &Loop, base: &Base) -> Vec<f64> {
     let of = |k: usize| {
-        let name = &own.variables[k].name;
-        let readers = own.regressors.iter().flat_map(|&j| {
-            let same = (0..own.variables.len()).filter(|&v| own.variables[v].name == *name);
-            same.map(move |v| (j, own.reads[(j, v)].abs())).filter(|(_, slope)| *slope > 0.0)
+        let name = &state_loop.variables[k].name;
+        let readers = state_loop.regressors.iter().flat_map(|&j| {
+            let same = (0..state_loop.variables.len()).filter(|&v| state_loop.variables[v].name == *name);
+            same.map(move |v| (j, state_loop.reads[(j, v)].abs())).filter(|(_, slope)| *slope > 0.0)
         });
         readers.map(|(j, slope)| base.scale[j] / slope).fold(0.0, f64::max)
     };
-    (0..own.variables.len()).map(of).map(|unit| if unit > 0.0 { unit } else { 1.0 }).collect()
+    (0..state_loop.variables.len()).map(of).map(|unit| if unit > 0.0 { unit } else { 1.0 }).collect()
 }
 
 /// A metric's root, and coefficients (s x q) whose map is within it.
@@ -183,32 +188,35 @@ const MARGINS: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
 
 /// Roots of storages with which the one-region model dissipates, and its coefficients (s x q). They are unchanged if a
 /// storage exists, else as near as one exists for: those of the states first, then those of the ports too.
-fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<Begun> {
-    let Some(ports) = &own.ports else { return Vec::new() };
+fn dissipating(state_loop: &Loop, base: &Base, units: &[f64]) -> Vec<Begun> {
+    let Some(ports) = &state_loop.ports else { return Vec::new() };
     let n = units.len();
     let states = Loop {
-        offset: own.offset.subcols(0, n).to_owned(),
-        reads: own.reads.subcols(0, n).to_owned(),
+        offset: state_loop.offset.subcols(0, n).to_owned(),
+        reads: state_loop.reads.subcols(0, n).to_owned(),
         ports: None,
-        ..own.clone()
+        ..state_loop.clone()
     };
-    let average =
-        Mat::from_fn(own.regressors.len(), own.targets.len(), |k, t| base.average.coefficients[(own.regressors[k], t)]);
+    let average = Mat::from_fn(state_loop.regressors.len(), state_loop.targets.len(), |k, t| {
+        base.average.coefficients[(state_loop.regressors[k], t)]
+    });
     let Some(least) = least(&states, units) else { return Vec::new() };
-    let is_port = |k: usize| (n..own.reads.ncols()).any(|column| own.reads[(own.regressors[k], column)] != 0.0);
+    let is_port = |k: usize| {
+        (n..state_loop.reads.ncols()).any(|column| state_loop.reads[(state_loop.regressors[k], column)] != 0.0)
+    };
     let at = |share: f64, of_ports: f64| {
         Mat::from_fn(average.nrows(), average.ncols(), |k, t| {
             let (least, average) = (least[(k, t)], average[(k, t)]);
             if is_port(k) { of_ports * average } else { least + share * (average - least) }
         })
     };
-    let power = (0..ports.outputs.len()).map(|port| units[ports.outputs[port]] * own.input_unit(port, base));
+    let power = (0..ports.outputs.len()).map(|port| units[ports.outputs[port]] * state_loop.input_unit(port, base));
     let power = ports.step * power.fold(0.0, f64::max);
     let storages = |share: f64, of_ports: f64| -> Vec<Begun> {
         let start = at(share, of_ports);
-        let map = own.of_read(&start);
+        let map = state_loop.of_read(&start);
         let root = |margin: &f64| {
-            let P = own.storage(&map, units, margin * power)?;
+            let P = state_loop.storage(&map, units, margin * power)?;
             Some((P.llt(Side::Lower).ok()?.L().transpose().to_owned(), start.clone()))
         };
         MARGINS.iter().filter_map(root).collect()
@@ -217,11 +225,11 @@ fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<Begun> {
         let (mut low, mut high, mut best) = (0.0, 1.0, of(0.0));
         for _ in 0..12 {
             let middle = 0.5 * (low + high);
-            let found = of(middle);
-            if found.is_empty() {
+            let tried = of(middle);
+            if tried.is_empty() {
                 high = middle;
             } else {
-                (low, best) = (middle, found);
+                (low, best) = (middle, tried);
             }
         }
         best
@@ -230,46 +238,46 @@ fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<Begun> {
         [&|| storages(1.0, 1.0), &|| nearest(&|share| storages(share, 1.0)), &|| {
             nearest(&|share| storages(share, share))
         }];
-    tries.iter().map(|found| found()).find(|found| !found.is_empty()).unwrap_or_default()
+    tries.iter().map(|attempt| attempt()).find(|attempt| !attempt.is_empty()).unwrap_or_default()
 }
 
 /// Coefficients (s x q) that move the variables least, in their units.
-fn least(own: &Loop, units: &[f64]) -> Option<Mat<f64>> {
-    in_units(own, units).least()
+fn least(state_loop: &Loop, units: &[f64]) -> Option<Mat<f64>> {
+    in_units(state_loop, units).least()
 }
 
 /// The maps of the loop in units of the variables.
-fn in_units(own: &Loop, units: &[f64]) -> fleetfoot_stats::Contraction {
-    let (s, n, q) = (own.regressors.len(), units.len(), own.targets.len());
+fn in_units(state_loop: &Loop, units: &[f64]) -> fleetfoot_stats::Contraction {
+    let (s, n, q) = (state_loop.regressors.len(), units.len(), state_loop.targets.len());
     let root = Mat::from_fn(n, n, |i, j| if i == j { 1.0 / units[i] } else { 0.0 });
     let back = Mat::from_fn(n, n, |i, j| if i == j { units[i] } else { 0.0 });
-    let reads = Mat::from_fn(s, n, |k, v| own.reads[(own.regressors[k], v)]);
-    let left = |i: usize, t: usize| own.targets[t].map_or(0.0, |(row, gain)| root[(i, row)] * gain);
+    let reads = Mat::from_fn(s, n, |k, v| state_loop.reads[(state_loop.regressors[k], v)]);
+    let left = |i: usize, t: usize| state_loop.targets[t].map_or(0.0, |(row, gain)| root[(i, row)] * gain);
     fleetfoot_stats::Contraction {
-        offset: &root * &own.offset * &back,
+        offset: &root * &state_loop.offset * &back,
         left: Mat::from_fn(n, q, left),
         right: &reads * &back,
-        bound: own.bound,
+        bound: state_loop.bound,
     }
 }
 
 /// Coefficients (s x q) between those that move the variables least and those of the one-region model. They are as near
 /// to these as a spectral radius below the bound allows; with their map.
-fn contracting(own: &Loop, base: &Base, units: &[f64]) -> Option<(Mat<f64>, Mat<f64>)> {
-    let (s, q) = (own.regressors.len(), own.targets.len());
-    let average = Mat::from_fn(s, q, |k, t| base.average.coefficients[(own.regressors[k], t)]);
+fn contracting(state_loop: &Loop, base: &Base, units: &[f64]) -> Option<(Mat<f64>, Mat<f64>)> {
+    let (s, q) = (state_loop.regressors.len(), state_loop.targets.len());
+    let average = Mat::from_fn(s, q, |k, t| base.average.coefficients[(state_loop.regressors[k], t)]);
     let scale: Vec<f64> = units.iter().map(|unit| 1.0 / unit).collect();
     let n = units.len();
     let root = Mat::from_fn(n, n, |i, j| if i == j { scale[i] } else { 0.0 });
     let back = Mat::from_fn(n, n, |i, j| if i == j { units[i] } else { 0.0 });
-    let problem = in_units(own, units);
+    let problem = in_units(state_loop, units);
     let least = problem.least()?;
     let map = |share: f64| {
         let A = Mat::from_fn(s, q, |k, t| least[(k, t)] + share * (average[(k, t)] - least[(k, t)]));
         let M = &back * problem.matrix(A.as_ref()) * &root;
         (A, M)
     };
-    let fits = |share: f64| spectral_radius(map(share).1.as_ref()) < own.bound * (1.0 - 1e-6);
+    let fits = |share: f64| spectral_radius(map(share).1.as_ref()) < state_loop.bound * (1.0 - 1e-6);
     if fits(1.0) {
         return Some(map(1.0));
     }
@@ -316,23 +324,24 @@ mod tests {
     fn dual_points_tell_how_the_price_turns_with_the_metric() {
         let port = |input: &str, output: &str, shortage| Port { shortage: Some(shortage), ..Port::new(input, output) };
         for ports in [Vec::new(), vec![port("f", "v", 0.3)], vec![port("f", "v", 0.3), port("g", "x", 0.5)]] {
-            let own = Loop::new(&problem(), 0.97, &ports).unwrap();
+            let state_loop = Loop::new(&problem(), 0.97, &ports).unwrap();
             // A free map that is not within, of a region whose rows weigh unevenly.
             let free = Mat::from_fn(4, 2, |j, t| [[1.05, -0.2], [0.12, 0.9], [0.05, 0.25], [0.2, -0.1]][j][t]);
             let weigh =
                 |i: usize, j: usize| if i == j { 2.0 + i as f64 } else { 0.3 * (i + 2 * j + j * i) as f64 / 5.0 };
             let half = Mat::from_fn(5, 5, weigh);
             let weight = RegionWeight::new(half.transpose() * &half, vec![1.0, 2.5]);
-            let (region, _) = Region::weighted(&own, &free, &weight).unwrap();
-            let start = Mat::from_fn(own.regressors.len(), 2, |k, t| {
-                let j = own.regressors[k];
+            let (region, _) = Region::weighted(&state_loop, &free, &weight).unwrap();
+            let start = Mat::from_fn(state_loop.regressors.len(), 2, |k, t| {
+                let j = state_loop.regressors[k];
                 0.6 * f64::from(u8::from(j == t)) + if j > 1 { 0.02 } else { 0.0 }
             });
             let root = Mat::from_fn(2, 2, |i, j| [[1.1, 0.2], [0.0, 1.3]][i][j]);
             let solved = |root: Mat<f64>| {
-                let metric = Metric::new(&own, root, &start).unwrap();
-                let found = metric.nearest(&own, std::slice::from_ref(&region), 1e-8).unwrap().unwrap().remove(0);
-                (found.distance, metric.turned(&own, &found))
+                let metric = Metric::new(&state_loop, root, &start).unwrap();
+                let nearest =
+                    metric.nearest(&state_loop, std::slice::from_ref(&region), 1e-8).unwrap().unwrap().remove(0);
+                (nearest.distance, metric.turned(&state_loop, &nearest))
             };
             let (price, turned) = solved(root.clone());
             assert!(price > 0.05, "{price}");
@@ -342,11 +351,14 @@ mod tests {
                     let one = Mat::from_fn(2, 2, |i, j| f64::from(u8::from(i == j)) + length * Z[(i, j)]);
                     solved(&one * &root).0
                 };
-                let found = (at(1e-3) - at(-1e-3)) / 2e-3;
-                let told =
+                let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
+                let expected =
                     -2.0 * (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).map(|at| turned[at] * Z[at]).sum::<f64>();
                 // The price is known to 1e-8 of itself, which differences make 1e-5; they err by a millionth of its third derivative.
-                assert!((found - told).abs() <= 1e-3 * price.max(told.abs()), "{ports:?} {Z:?}: {found} {told}");
+                assert!(
+                    (slope - expected).abs() <= 1e-3 * price.max(expected.abs()),
+                    "{ports:?} {Z:?}: {slope} {expected}"
+                );
             }
         }
     }

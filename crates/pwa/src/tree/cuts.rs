@@ -220,15 +220,15 @@ mod tests {
             let rows: Vec<[f64; 3]> = rows.into_iter().map(|(a, b, c)| [a, b, c]).collect();
             let (examples, node) = node(&rows);
             for column in 0..2 {
-                let found = node.best(&examples, column, 5).unwrap();
+                let cut = node.best(&examples, column, 5).unwrap();
                 let mut sorted = rows.clone();
                 sorted.sort_by(|a, b| a[column].total_cmp(&b[column]));
                 let of = |at: usize| residual(&sorted[..at], &rows) + residual(&sorted[at..], &rows);
                 let least = (5..=rows.len() - 5).map(of).fold(f64::INFINITY, f64::min);
                 // The oracle squares: its own rounding is some 1e-16 of the total over what is left of it.
-                prop_assert!((found.error - least).abs() < 1e-8 * rows.len() as f64, "{} {least}", found.error);
-                let [below, above] = node.sides(&examples, &found);
-                prop_assert!((below.error + above.error - found.error).abs() < 1e-9 * rows.len() as f64);
+                prop_assert!((cut.error - least).abs() < 1e-8 * rows.len() as f64, "{} {least}", cut.error);
+                let [below, above] = node.sides(&examples, &cut);
+                prop_assert!((below.error + above.error - cut.error).abs() < 1e-9 * rows.len() as f64);
                 prop_assert!(below.rows.len() >= 5 && above.rows.len() >= 5);
             }
         }
@@ -253,9 +253,9 @@ mod tests {
     fn equal_values_stay_together_and_constants_are_not_cut() {
         let row = |i: usize| [f64::from(u8::from(i.is_multiple_of(3))), 7.0, (i % 3) as f64 + 0.01 * (i as f64).sin()];
         let (examples, node) = node(&(0..90).map(row).collect::<Vec<_>>());
-        let found = node.best(&examples, 0, 15).unwrap();
-        assert_eq!((found.threshold, found.at), (0.5, 60));
-        assert_eq!(node.sharpened(&examples, found, 15), found);
+        let cut = node.best(&examples, 0, 15).unwrap();
+        assert_eq!((cut.threshold, cut.at), (0.5, 60));
+        assert_eq!(node.sharpened(&examples, cut, 15), cut);
         assert!(node.best(&examples, 1, 15).is_none());
         assert!(node.best(&examples, 0, 31).is_none());
     }

@@ -54,18 +54,18 @@ pub(crate) fn run(problem: &Problem, options: &Options, source: &MemorySource) -
 }
 
 /// The reported metric, which is twice the energy if maps are passive.
-pub(crate) fn metric(told: &Stability) -> Mat<f64> {
-    let n = told.variables.len();
-    Mat::from_fn(n, n, |i, j| told.metric[i * n + j])
+pub(crate) fn metric(stability: &Stability) -> Mat<f64> {
+    let n = stability.variables.len();
+    Mat::from_fn(n, n, |i, j| stability.metric[i * n + j])
 }
 
 /// A target's numbers: the constant, then the coefficients of x, v and the input.
 pub(crate) type Numbers = [f64; 4];
 
 fn numbers(model: &Model, region: usize, target: usize) -> Numbers {
-    let own = &model.latents[target];
-    let [x, v, input] = [0, 1, 2].map(|j| own.affine().unwrap().coefficients[region][j]);
-    [own.affine().unwrap().constants[region], x, v, input]
+    let latent = &model.latents[target];
+    let [x, v, input] = [0, 1, 2].map(|j| latent.affine().unwrap().coefficients[region][j]);
+    [latent.affine().unwrap().constants[region], x, v, input]
 }
 
 /// Squared errors of a source's rows, each target's over its residual variance in the free one-region model: the price
@@ -89,26 +89,26 @@ impl Price {
         price
     }
 
-    fn squares(&self, own: &Numbers, target: usize) -> f64 {
-        let of = |row: &[f64; 5]| row[3 + target] - own[0] - (0..3).map(|j| own[j + 1] * row[j]).sum::<f64>();
+    fn squares(&self, numbers: &Numbers, target: usize) -> f64 {
+        let of = |row: &[f64; 5]| row[3 + target] - numbers[0] - (0..3).map(|j| numbers[j + 1] * row[j]).sum::<f64>();
         self.rows.iter().map(|row| of(row).powi(2)).sum()
     }
 
-    fn of(&self, own: &[Numbers; 2]) -> f64 {
-        (0..2).map(|t| self.squares(&own[t], t) / self.variance[t]).sum()
+    fn of(&self, numbers: &[Numbers; 2]) -> f64 {
+        (0..2).map(|t| self.squares(&numbers[t], t) / self.variance[t]).sum()
     }
 
     /// Asserts that none of many maps near to that of a model is within the bound and costs less, by more than its gap.
     /// The bound has a cost.
     pub(crate) fn is_least(&self, model: &Model, is_within: impl Fn(&[Numbers; 2]) -> bool) {
-        let own = [0, 1].map(|t| numbers(model, 0, t));
-        let (least, best) = (2.0 * self.rows.len() as f64, self.of(&own));
+        let numbers_of = [0, 1].map(|t| numbers(model, 0, t));
+        let (least, best) = (2.0 * self.rows.len() as f64, self.of(&numbers_of));
         assert!(best > least * (1.0 + 1e-6), "the bound costs something here: {best} {least}");
         let mut random = Pcg64::seed_from_u64(5);
         let mut within = 0;
         for size in [1e-2, 1e-3, 1e-4] {
             for _ in 0..6000 {
-                let mut other = own;
+                let mut other = numbers_of;
                 other.iter_mut().flatten().for_each(|value| *value += size * random.random_range(-1.0..1.0));
                 if is_within(&other) {
                     within += 1;
@@ -125,11 +125,11 @@ impl Price {
 /// tests a region, with optional room for rounding. Returns the moved models.
 pub(crate) fn goes_to_the_nearest(
     set: &Contracting,
-    found: &Model,
+    model: &Model,
     size: f64,
     is_within: impl Fn(&Model, usize, bool) -> bool,
 ) -> Model {
-    let regions = found.latents[0].affine().unwrap().constants.len();
+    let regions = model.latents[0].affine().unwrap().constants.len();
     let mut random = Pcg64::seed_from_u64(11);
     let mut weight = || {
         let root = Mat::from_fn(9, 4, |_, j| if j == 0 { 1.0 } else { random.random_range(-1.0..2.0) });
@@ -137,7 +137,7 @@ pub(crate) fn goes_to_the_nearest(
     };
     let weights: Vec<RegionWeight> = (0..regions).map(|_| weight()).collect();
     let mut moved = |size: f64| {
-        let mut model = found.clone();
+        let mut model = model.clone();
         for latent in &mut model.latents {
             latent
                 .affine_mut()
@@ -176,7 +176,7 @@ pub(crate) fn goes_to_the_nearest(
             (0..2).map(of).sum()
         };
         let distance = along(&wanted);
-        for other in others.iter().chain([found]) {
+        for other in others.iter().chain([model]) {
             // The gap is a millionth of the squared distance, and a thousandth its root.
             assert!(along(other) <= 3e-3 * (distance + distance.sqrt()), "{region}: {} {distance}", along(other));
         }

@@ -74,8 +74,8 @@ fn a_line_of_pieces_is_found_exactly_and_costs_nothing() {
     // Two kinks where the tree may cut, and another regressor.
     let f = |x: &[f64]| x[0].clamp(-0.5, 0.5) * 3.0 - 0.7 * x[1] + 2.0;
     let rows = sampled(2, 900, 0.0, 1, f);
-    let found = run(&on_the_first(2), &continuous("tree:2", 3), &source(&rows, 3));
-    let (model, score) = (&found.model, &found.candidates[0]);
+    let identification = run(&on_the_first(2), &continuous("tree:2", 3), &source(&rows, 3));
+    let (model, score) = (&identification.model, &identification.candidates[0]);
     let continuity = score.continuity.unwrap();
     // The first cut is in the middle. Four regions of three numbers, of which three borders take two each.
     assert_eq!((score.regions, continuity.borders, continuity.numbers), (4, 3, 6));
@@ -94,16 +94,16 @@ fn noise_is_held_out_better_with_fewer_numbers_and_jumps_are_not() {
     let kink = sampled(2, 300, 0.3, 2, |x| x[0].abs() + x[1]);
     let [mut tied, mut free] = [continuous("kmeans:6", 5), options("kmeans:6", 5)];
     (tied.shrinkage, free.shrinkage) = (Shrinkage::Rows(0.0), Shrinkage::Rows(0.0));
-    let found = run(&on_the_first(2), &tied, &source(&kink, 1));
-    let score = &found.candidates[0];
+    let identification = run(&on_the_first(2), &tied, &source(&kink, 1));
+    let score = &identification.candidates[0];
     let apart = run(&on_the_first(2), &free, &source(&kink, 1));
     assert_eq!(score.continuity.unwrap().apart.to_bits(), apart.candidates[0].loss.to_bits());
     assert!(score.loss < apart.candidates[0].loss, "{} {}", score.loss, apart.candidates[0].loss);
     let jump = sampled(2, 600, 0.1, 3, |x| x[0].signum() + x[1]);
-    let found = run(&on_the_first(2), &continuous("refined:2", 5), &source(&jump, 1));
-    let score = &found.candidates[0];
+    let identification = run(&on_the_first(2), &continuous("refined:2", 5), &source(&jump, 1));
+    let score = &identification.candidates[0];
     assert!(score.loss > 3.0 * score.continuity.unwrap().apart, "{score:?}");
-    assert!(largest_jump(&found.model, &jump) < 1e-12);
+    assert!(largest_jump(&identification.model, &jump) < 1e-12);
 }
 
 /// The least squares of all regions' maps under `A_i x + b_i - A_j x - b_j = c (w . z + d)` for every border, from one linear system of maps, c and multipliers.
@@ -142,18 +142,18 @@ fn constrained(model: &Model, borders: &[(usize, usize)], rows: &[Row]) -> Vec<V
         }
     }
     // Constraints around closed walks depend on each other: the pseudo-inverse chooses among their multipliers.
-    let found = system.svd().unwrap().pseudoinverse() * &right;
-    (0..k).map(|region| (0..=p).map(|i| found[(region * (p + 1) + i, 0)]).collect()).collect()
+    let solution = system.svd().unwrap().pseudoinverse() * &right;
+    (0..k).map(|region| (0..=p).map(|i| solution[(region * (p + 1) + i, 0)]).collect()).collect()
 }
 
 #[test]
 fn it_is_the_least_of_all_maps_that_meet() {
     for (seed, d, regions, on) in [(1, 1, 3, 1), (2, 2, 4, 1), (3, 3, 3, 3), (4, 2, 5, 2)] {
         let rows = sampled(d, 400, 0.2, seed, |x| (3.0 * x[0]).sin() + x[x.len() - 1]);
-        let mut own = problem(d);
-        own.partition_columns.truncate(on);
-        let found = run(&own, &continuous(&format!("kmeans:{regions}"), 0), &source(&rows, 1));
-        let model = &found.model;
+        let mut problem = problem(d);
+        problem.partition_columns.truncate(on);
+        let identification = run(&problem, &continuous(&format!("kmeans:{regions}"), 0), &source(&rows, 1));
+        let model = &identification.model;
         // Neighbours by the two best scores of a row, as the borders' definition has it.
         let Rule::Linear { weights, offsets } = &model.partitions[0].rule else { panic!() };
         let mut borders = std::collections::BTreeSet::new();
@@ -165,16 +165,16 @@ fn it_is_the_least_of_all_maps_that_meet() {
             scores.sort_by(|a, b| b.0.total_cmp(&a.0));
             borders.insert((scores[0].1.min(scores[1].1), scores[0].1.max(scores[1].1)));
         }
-        assert_eq!(found.candidates[0].continuity.unwrap().borders, borders.len());
+        assert_eq!(identification.candidates[0].continuity.unwrap().borders, borders.len());
         let expected = constrained(model, &borders.into_iter().collect::<Vec<_>>(), &rows);
         for (region, expected) in expected.iter().enumerate() {
             let latent = &model.latents[0];
-            let own = latent.affine().unwrap().coefficients[region]
+            let coefficient = latent.affine().unwrap().coefficients[region]
                 .iter()
                 .chain([&latent.affine().unwrap().constants[region]]);
-            for (own, expected) in own.zip(expected) {
+            for (number, expected) in coefficient.zip(expected) {
                 // The oracle squares the rows and inverts a saddle: half of the digits are gone.
-                assert!((own - expected).abs() < 1e-6, "{seed}: {own} {expected}");
+                assert!((number - expected).abs() < 1e-6, "{seed}: {number} {expected}");
             }
         }
         assert!(largest_jump(model, &rows) < 1e-11, "{seed}");
@@ -187,34 +187,35 @@ fn where_three_regions_meet_one_number_is_free() {
     let planes = [[1.0, 0.2], [-0.6, 0.9], [-0.5, -1.0]];
     let largest = |x: &[f64]| planes.iter().map(|w| w[0] * x[0] + w[1] * x[1]).fold(f64::NEG_INFINITY, f64::max);
     let rows = sampled(2, 1500, 0.0, 5, |x| 2.0 * largest(x) + x[0] - 3.0);
-    let found = run(&problem(2), &continuous("kmeans:3,refined:3", 3), &source(&rows, 1));
-    for score in &found.candidates {
+    let identification = run(&problem(2), &continuous("kmeans:3,refined:3", 3), &source(&rows, 1));
+    for score in &identification.candidates {
         let continuity = score.continuity.unwrap();
         assert_eq!((continuity.borders, continuity.numbers), (3, 4), "{:?}", score.specification);
         assert!(continuity.jump < 1e-12);
     }
     // Refined separators are the kinks, up to a row or two.
     assert!(
-        found.candidates[1].loss < 0.02 && 2.0 * found.candidates[1].loss < found.candidates[0].loss,
+        identification.candidates[1].loss < 0.02
+            && 2.0 * identification.candidates[1].loss < identification.candidates[0].loss,
         "{:?}",
-        found.candidates
+        identification.candidates
     );
     // A cut that ends at another has no kink of its own.
     let boxes = sampled(2, 2000, 0.05, 6, |x| if x[0] < 0.1 { f64::from(u8::from(x[1] > -0.2)) } else { 3.0 + x[1] });
-    let found = run(&problem(2), &continuous("tree:2", 0), &source(&boxes, 1));
-    let score = &found.candidates[0];
+    let identification = run(&problem(2), &continuous("tree:2", 0), &source(&boxes, 1));
+    let score = &identification.candidates[0];
     assert_eq!((score.regions, score.continuity.unwrap().numbers), (3, 4), "{score:?}");
-    assert!(largest_jump(&found.model, &boxes) < 1e-12);
+    assert!(largest_jump(&identification.model, &boxes) < 1e-12);
 }
 
 #[test]
 fn borders_that_do_not_meet_are_free() {
     // Regions on both sides of a third, along an oblique direction.
     let rows = sampled(2, 1200, 0.0, 7, |x| (x[0] + x[1]).clamp(-0.7, 0.6));
-    let found = run(&problem(2), &continuous("refined:3", 3), &source(&rows, 1));
-    let continuity = found.candidates[0].continuity.unwrap();
-    assert!(largest_jump(&found.model, &rows) < 1e-12);
-    assert!(found.candidates[0].loss < 0.01, "{:?}", found.candidates[0]);
+    let identification = run(&problem(2), &continuous("refined:3", 3), &source(&rows, 1));
+    let continuity = identification.candidates[0].continuity.unwrap();
+    assert!(largest_jump(&identification.model, &rows) < 1e-12);
+    assert!(identification.candidates[0].loss < 0.01, "{:?}", identification.candidates[0]);
     assert_eq!((continuity.borders, continuity.numbers), (2, 5), "{continuity:?}");
 }
 
@@ -225,16 +226,17 @@ fn shrinkage_and_choice_hold_for_maps_that_meet() {
     wanted.shrinkage = Shrinkage::Auto;
     wanted.selection = Selection::Bic;
     wanted.keep_all = true;
-    let found = run(&on_the_first(2), &wanted, &source(&rows, 1));
-    assert!(found.candidates[0].continuity.is_none());
-    for (model, score) in found.models.iter().zip(&found.candidates).skip(1) {
+    let identification = run(&on_the_first(2), &wanted, &source(&rows, 1));
+    assert!(identification.candidates[0].continuity.is_none());
+    for (model, score) in identification.models.iter().zip(&identification.candidates).skip(1) {
         assert!(largest_jump(model, &rows) < 1e-11, "{:?}", score.specification);
         assert_eq!(score.continuity.unwrap().numbers, score.regions + 2);
     }
     // Pulled with all might the maps are the one of all.
     wanted.shrinkage = Shrinkage::Rows(1e9);
-    let found = run(&on_the_first(2), &wanted, &source(&rows, 1));
-    let [average, pulled] = [0, 3].map(|at| found.models[at].latents[0].affine().unwrap().coefficients[0].clone());
+    let identification = run(&on_the_first(2), &wanted, &source(&rows, 1));
+    let [average, pulled] =
+        [0, 3].map(|at| identification.models[at].latents[0].affine().unwrap().coefficients[0].clone());
     assert!(average.iter().zip(&pulled).all(|(a, b)| (a - b).abs() < 1e-5), "{average:?} {pulled:?}");
 }
 

@@ -62,54 +62,54 @@ fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identific
 
 #[test]
 fn labels_recover_the_truth_and_the_model_reads_back() {
-    let found = run(&problem(&["x", "u"]), &options("labels:mode"), &hybrid(2000, 4, 0.0, 1));
-    let latent = &found.model.latents[0];
+    let identification = run(&problem(&["x", "u"]), &options("labels:mode"), &hybrid(2000, 4, 0.0, 1));
+    let latent = &identification.model.latents[0];
     let expected = [(-1.0, [-0.25, 1.0]), (0.5, [-1.5, 2.0])];
     for (region, (constant, coefficients)) in expected.iter().enumerate() {
         assert!((latent.affine().unwrap().constants[region] - constant).abs() < 1e-12);
-        for (found, expected) in latent.affine().unwrap().coefficients[region].iter().zip(coefficients) {
-            assert!((found - expected).abs() < 1e-12);
+        for (coefficient, expected) in latent.affine().unwrap().coefficients[region].iter().zip(coefficients) {
+            assert!((coefficient - expected).abs() < 1e-12);
         }
     }
-    assert_eq!(found.model.summaries[0].regions[0].name, "3");
-    assert!(found.candidates[0].over_null[0] < 1e-12);
-    let text = found.model.to_json();
+    assert_eq!(identification.model.summaries[0].regions[0].name, "3");
+    assert!(identification.candidates[0].over_null[0] < 1e-12);
+    let text = identification.model.to_json();
     let again = Model::from_json(&text, "test").unwrap();
     assert_eq!(again.to_json(), text);
-    assert_eq!(again, found.model);
+    assert_eq!(again, identification.model);
 }
 
 #[test]
 fn stages_say_which_partition_and_fold_they_are_of() {
     #[derive(Default)]
-    struct Told(std::sync::Mutex<Vec<String>>);
-    impl Progress for Told {
+    struct Stages(std::sync::Mutex<Vec<String>>);
+    impl Progress for Stages {
         fn advance(&self, _: usize, _: usize) {}
         fn stage(&self, name: &str) {
             self.0.lock().unwrap().push(name.to_owned());
         }
     }
-    let told = Told::default();
+    let stages = Stages::default();
     let mut options = options("average,kmeans:2,refined:2,lattice:3");
     options.folds = 2;
-    identify(&problem(&["x", "u"]), &options, &hybrid(600, 2, 0.1, 4), &told).unwrap();
+    identify(&problem(&["x", "u"]), &options, &hybrid(600, 2, 0.1, 4), &stages).unwrap();
     let of = |fold: &str| {
         [format!("cells of lattice:3{fold}"), format!("partition kmeans:2{fold}"), format!("partition refined:2{fold}")]
     };
     let expected: Vec<String> = ["", ", fold 1 of 2", ", fold 2 of 2"].into_iter().flat_map(of).collect();
-    let all = told.0.into_inner().unwrap();
+    let all = stages.0.into_inner().unwrap();
     assert_eq!(all[0], "survey");
     assert_eq!(all[1..=9], expected, "{all:?}");
 }
 
 #[test]
 fn more_regions_predict_better_and_cross_validation_chooses() {
-    let found =
+    let identification =
         run(&problem(&["x", "u"]), &options("null,average,zscore:1.5,kmeans:2,8"), &hybrid(20_000, 12, 0.05, 2));
-    let errors: Vec<f64> = found.candidates.iter().map(|candidate| candidate.over_null[0]).collect();
+    let errors: Vec<f64> = identification.candidates.iter().map(|candidate| candidate.over_null[0]).collect();
     assert!((errors[0] - 1.0).abs() < 1e-12, "the null model over itself");
     assert!(errors[1] < errors[0] && errors[3] < errors[1], "{errors:?}");
-    let chosen = &found.candidates[found.chosen];
+    let chosen = &identification.candidates[identification.chosen];
     assert!(matches!(chosen.specification, Specification::KMeans(_)), "{:?}", chosen.specification);
     assert!(chosen.r2[0] > 0.99, "{}", chosen.r2[0]);
     let by_bic = {
@@ -126,7 +126,7 @@ fn held_out_losses_are_those_of_models_that_did_not_see_the_fold() {
     let mut options = options("average");
     // Five episodes are enough to be folds.
     options.folds = 5;
-    let found = run(&problem(&["x", "u"]), &options, &source);
+    let identification = run(&problem(&["x", "u"]), &options, &source);
     // The same by hand: leave one episode out, ordinary least squares on the others.
     use fleetfoot_data::{Halo, Source};
     let blocks: Vec<_> = (0..5).map(|e| source.read(e, 0..1000, Halo::default()).unwrap()).collect();
@@ -152,10 +152,10 @@ fn held_out_losses_are_those_of_models_that_did_not_see_the_fold() {
             .sum();
         losses.push(error / 1000.0 / variance);
     }
-    let mut found_losses = found.candidates[0].losses.clone();
-    found_losses.sort_by(f64::total_cmp);
+    let mut reported = identification.candidates[0].losses.clone();
     losses.sort_by(f64::total_cmp);
-    for (a, b) in found_losses.iter().zip(&losses) {
+    reported.sort_by(f64::total_cmp);
+    for (a, b) in losses.iter().zip(&reported) {
         assert!((a - b).abs() < 1e-10 * b, "{a} {b}");
     }
 }
@@ -167,9 +167,9 @@ fn the_number_of_threads_does_not_change_a_bit() {
     let options = options("kmeans:5,labels:mode+kmeans:3");
     let texts: Vec<String> = [1, 2, 7]
         .map(|threads| {
-            let found = with_threads(threads, || run(&problem, &options, &source));
-            let scores: Vec<_> = found.candidates.iter().map(|c| format!("{c:?}")).collect();
-            format!("{}{}", found.model.to_json(), scores.join("\n"))
+            let identification = with_threads(threads, || run(&problem, &options, &source));
+            let scores: Vec<_> = identification.candidates.iter().map(|c| format!("{c:?}")).collect();
+            format!("{}{}", identification.model.to_json(), scores.join("\n"))
         })
         .to_vec();
     assert_eq!(texts[0], texts[1]);
@@ -186,8 +186,8 @@ fn the_order_of_the_episodes_does_not_change_a_bit() {
         reversed.push("run", block.time.clone(), block.columns.clone());
     }
     let options = options("average,kmeans:4");
-    let strip = |found: Identification| {
-        let mut model = found.model;
+    let strip = |identification: Identification| {
+        let mut model = identification.model;
         model.training.episodes.sort();
         model.to_json()
     };
@@ -227,11 +227,11 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
     assert!(path.windows(2).all(|pair| (pair[0] - average).abs() >= (pair[1] - average).abs()));
     let mut auto = options("labels:mode");
     auto.shrinkage = Shrinkage::Auto;
-    let found = run(&problem(&["x", "u"]), &auto, &source);
+    let identification = run(&problem(&["x", "u"]), &auto, &source);
     assert!(
-        found.candidates[0].shrinkage <= 10.0,
+        identification.candidates[0].shrinkage <= 10.0,
         "different maps need no shrinkage: {}",
-        found.candidates[0].shrinkage
+        identification.candidates[0].shrinkage
     );
 }
 
@@ -248,8 +248,8 @@ fn regions_are_pulled_where_rows_that_did_not_train_ask_for_it() {
     assert!(pulled.shrinkage > 0.0 && pulled.loss < 0.8 * free.loss, "{} {}", pulled.loss, free.loss);
     let mut exact = options("kmeans:2");
     exact.folds = 5;
-    let found = run(&problem(&["x", "u"]), &exact, &hybrid(2_000, 4, 0.0, 1));
-    assert_eq!(found.candidates[0].shrinkage, 0.0);
+    let identification = run(&problem(&["x", "u"]), &exact, &hybrid(2_000, 4, 0.0, 1));
+    assert_eq!(identification.candidates[0].shrinkage, 0.0);
 }
 
 #[test]
@@ -296,10 +296,10 @@ fn a_constant_column_and_a_copy_are_named() {
     let x: Vec<f64> = (0..500).map(|i| (f64::from(i) * 0.37).sin()).collect();
     let dx = x.iter().map(|x| 2.0 * x).collect();
     source.push_uniform("run", 0.1, vec![x.clone(), vec![4.0; 500], dx, x]);
-    let found = run(&problem(&["x", "u", "mode"]), &options("average"), &source);
-    assert!(found.notes.iter().any(|note| note.contains("u does not change")), "{:?}", found.notes);
-    assert!(found.notes.iter().any(|note| note.contains("x, mode")), "{:?}", found.notes);
-    let coefficients = &found.model.latents[0].affine().unwrap().coefficients[0];
+    let identification = run(&problem(&["x", "u", "mode"]), &options("average"), &source);
+    assert!(identification.notes.iter().any(|note| note.contains("u does not change")), "{:?}", identification.notes);
+    assert!(identification.notes.iter().any(|note| note.contains("x, mode")), "{:?}", identification.notes);
+    let coefficients = &identification.model.latents[0].affine().unwrap().coefficients[0];
     assert!(
         (coefficients[0] - 1.0).abs() < 1e-9 && (coefficients[2] - 1.0).abs() < 1e-9,
         "minimum norm: {coefficients:?}"
@@ -315,16 +315,16 @@ fn a_model_that_predicts_no_better_than_the_mean_is_told() {
         let columns = (0..4).map(|_| (0..200).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
         noise.push_uniform("run", 0.01, columns);
     }
-    let told = |partitions: &str, source: &MemorySource| -> Vec<String> {
+    let notes = |partitions: &str, source: &MemorySource| -> Vec<String> {
         let notes = run(&problem(&["x", "u"]), &options(partitions), source).notes;
         notes.into_iter().filter(|note| note.contains("no better than their mean")).collect()
     };
-    let own = told("average", &noise);
-    assert!(own.len() == 1 && own[0].starts_with("average "), "{own:?}");
-    let many = told("kmeans:40", &noise);
+    let notes_of_noise = notes("average", &noise);
+    assert!(notes_of_noise.len() == 1 && notes_of_noise[0].starts_with("average "), "{notes_of_noise:?}");
+    let many = notes("kmeans:40", &noise);
     assert!(many.len() == 1 && many[0].starts_with("kmeans:40 predicts rows"), "{many:?}");
-    assert!(told("null", &noise).is_empty());
-    assert!(told("average,kmeans:2", &hybrid(2000, 4, 0.1, 8)).is_empty());
+    assert!(notes("null", &noise).is_empty());
+    assert!(notes("average,kmeans:2", &hybrid(2000, 4, 0.1, 8)).is_empty());
 }
 
 #[test]
@@ -349,11 +349,11 @@ fn polynomial_libraries_and_weights() {
     problem.library = Library::polynomial(&problem.library, 2).unwrap().functions().to_vec();
     // Rows of the other mode weigh nothing: the one-region model is that mode's.
     problem.weight = Some(Expr::parse("(mode - 3)/4", &fleetfoot_library::Scope::new(["mode"])).unwrap());
-    let found = run(&problem, &options("average"), &source);
-    let latent = &found.model.latents[0];
+    let identification = run(&problem, &options("average"), &source);
+    let latent = &identification.model.latents[0];
     assert!((latent.affine().unwrap().constants[0] - 0.5).abs() < 1e-10);
-    for (found, expected) in latent.affine().unwrap().coefficients[0].iter().zip([-1.5, 2.0, 0.0, 0.0, 0.0]) {
-        assert!((found - expected).abs() < 1e-10, "{:?}", latent.affine().unwrap().coefficients[0]);
+    for (coefficient, expected) in latent.affine().unwrap().coefficients[0].iter().zip([-1.5, 2.0, 0.0, 0.0, 0.0]) {
+        assert!((coefficient - expected).abs() < 1e-10, "{:?}", latent.affine().unwrap().coefficients[0]);
     }
 }
 
@@ -380,19 +380,19 @@ fn errors_of_dependent_targets_are_scored_by_the_one_metric() {
     problem.equations = vec![equation("dx"), equation("mode")];
     let mut options = options("average");
     options.folds = 1;
-    let found = run(&problem, &options, &source);
-    let metric = Mahalanobis::of_covariance(&found.model.training.target_covariance, 2);
-    let latents = &found.model.latents;
+    let identification = run(&problem, &options, &source);
+    let metric = Mahalanobis::of_covariance(&identification.model.training.target_covariance, 2);
+    let latents = &identification.model.latents;
     let error = |row: &[f64; 4], t: usize| {
         row[2 + t]
             - latents[t].affine().unwrap().constants[0]
             - latents[t].affine().unwrap().coefficients[0][0] * row[0]
     };
     let expected = rows.iter().map(|row| metric.score(&[error(row, 0), error(row, 1)])).sum::<f64>() / 2000.0;
-    let score = found.candidates[0].mahalanobis;
+    let score = identification.candidates[0].mahalanobis;
     // An error across the two is known to rounding, 1e-16 of a deviation over the floor's 3e-5.
     assert!((score / expected - 1.0).abs() < 1e-9, "{score} {expected}");
-    let along = rows.iter().map(|row| error(row, 0).abs()).sum::<f64>() / 2000.0 / found.sigma[0];
+    let along = rows.iter().map(|row| error(row, 0).abs()).sum::<f64>() / 2000.0 / identification.sigma[0];
     assert!(score > 1.05 * along, "errors across count too: {score} {along}");
 }
 
@@ -423,19 +423,19 @@ fn intervals_hold_the_error_and_pairs_are_tighter() {
     let source = hybrid(8_000, 8, 0.4, 9);
     let mut options = options("null,average,labels:mode");
     options.folds = 4;
-    let found = run(&problem(&["x", "u"]), &options, &source);
-    assert_eq!(found.basis, Basis::Episodes(8));
-    for score in &found.candidates {
+    let identification = run(&problem(&["x", "u"]), &options, &source);
+    assert_eq!(identification.basis, Basis::Episodes(8));
+    for score in &identification.candidates {
         let interval = &score.over_null_interval[0];
         assert!((interval.value - score.over_null[0]).abs() < 1e-12);
         assert!(interval.low <= interval.value && interval.value <= interval.high);
         assert_eq!(score.absolute.len(), 8);
     }
-    let itself = &found.error_ratio(1, 1)[0];
+    let itself = &identification.error_ratio(1, 1)[0];
     assert!((itself.value - 1.0).abs() < 1e-12 && itself.high - itself.low < 1e-12);
-    let better = &found.error_ratio(2, 1)[0];
+    let better = &identification.error_ratio(2, 1)[0];
     assert!(better.high < 1.0, "{better:?}");
-    let expected = found.candidates[2].over_null[0] / found.candidates[1].over_null[0];
+    let expected = identification.candidates[2].over_null[0] / identification.candidates[1].over_null[0];
     assert!((better.value - expected).abs() < 1e-12);
     options.folds = 10;
     assert_eq!(run(&problem(&["x", "u"]), &options, &source).basis, Basis::Folds(10));
@@ -451,11 +451,14 @@ fn partitions_alone_are_those_of_the_identification() {
     let identified = run(&problem, &options, &source);
     let alone = partition(&problem, &options, &source, &Silent).unwrap();
     assert_eq!((alone.rows, alone.partitions.len()), (identified.rows, 5));
-    for ((specification, found), model) in alone.partitions.iter().zip(&identified.models) {
+    for ((specification, partition), model) in alone.partitions.iter().zip(&identified.models) {
         let whole = &model.partitions[0];
-        assert_eq!(found.specification, specification.to_string());
-        assert_eq!((&found.columns, &found.centre, &found.scale), (&whole.columns, &whole.centre, &whole.scale));
-        assert_eq!(found.rule, whole.rule);
-        assert_eq!(found.rule.count(), model.summaries[0].regions.len());
+        assert_eq!(partition.specification, specification.to_string());
+        assert_eq!(
+            (&partition.columns, &partition.centre, &partition.scale),
+            (&whole.columns, &whole.centre, &whole.scale)
+        );
+        assert_eq!(partition.rule, whole.rule);
+        assert_eq!(partition.rule.count(), model.summaries[0].regions.len());
     }
 }

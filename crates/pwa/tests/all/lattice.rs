@@ -34,13 +34,13 @@ fn error(model: &Model, rows: &[Row]) -> f64 {
     let mut sums = [0.0; 2];
     for (x, y) in rows {
         let region = region(model, x);
-        let found = latent.affine().unwrap().constants[region]
+        let constant = latent.affine().unwrap().constants[region]
             + latent.affine().unwrap().coefficients[region]
                 .iter()
                 .zip(x)
                 .map(|(coefficient, x)| coefficient * x)
                 .sum::<f64>();
-        sums[0] += (y - found).powi(2);
+        sums[0] += (y - constant).powi(2);
         sums[1] += (y - mean).powi(2);
     }
     sums[0] / sums[1]
@@ -51,13 +51,13 @@ fn one_map_that_holds_in_two_places_is_one_region() {
     let rows = sandwich(4000, 1);
     let mut wanted = options("average,kmeans:2,lattice:1..6", 5);
     wanted.keep_all = true;
-    let found = run(&problem(2), &wanted, &source(&rows, 1));
-    let model = &found.models[3];
+    let identification = run(&problem(2), &wanted, &source(&rows, 1));
+    let model = &identification.models[3];
     let within = |at: usize| rows.iter().filter(|row| (row.0[0].abs() < 1.0) == (region(model, &row.0) == at)).count();
     let right = within(0).max(within(1)) as f64 / rows.len() as f64;
     // No cell lies across a border, but for the little that separators of 4,000 rows are off.
     assert!(right > 0.99, "{right}");
-    let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
+    let losses: Vec<f64> = identification.candidates.iter().map(|score| score.loss).collect();
     assert!(losses[3] < 0.02 * losses[1] && losses[7] > 0.97 * losses[3], "{losses:?}");
     let fresh = error(model, &sandwich(4000, 2));
     // A row on the other side of a border costs up to a thousandth.
@@ -69,15 +69,15 @@ fn the_tree_tells_what_its_models_do() {
     let rows = sandwich(1500, 3);
     let mut wanted = options("average,lattice:2..8", 4);
     wanted.keep_all = true;
-    let found = run(&problem(2), &wanted, &source(&rows, 2));
-    let lattice = found.models[7].partitions[0].lattice.as_ref().unwrap();
+    let identification = run(&problem(2), &wanted, &source(&rows, 2));
+    let lattice = identification.models[7].partitions[0].lattice.as_ref().unwrap();
     assert_eq!(lattice.levels.iter().map(|level| level.regions).collect::<Vec<_>>(), (1..=8).collect::<Vec<_>>());
-    for (model, level) in found.models.iter().zip(&lattice.levels) {
+    for (model, level) in identification.models.iter().zip(&lattice.levels) {
         let direct = error(model, &rows);
         assert!((level.training - direct).abs() < 1e-9, "{}: {} {direct}", level.regions, level.training);
     }
     assert!(lattice.levels.windows(2).all(|pair| pair[1].training <= pair[0].training), "{lattice:?}");
-    for (level, score) in lattice.levels.iter().zip(&found.candidates) {
+    for (level, score) in lattice.levels.iter().zip(&identification.candidates) {
         assert_eq!((level.held_out.to_bits(), level.bic.to_bits()), (score.loss.to_bits(), score.bic.to_bits()));
     }
     // The joins lead from eight regions to one, through the errors of the levels.
@@ -87,7 +87,7 @@ fn the_tree_tells_what_its_models_do() {
     assert_eq!(joined.len(), 7);
     // A level alone is the same level.
     let alone = run(&problem(2), &options("lattice:8", 4), &source(&rows, 2));
-    assert_eq!(alone.model.latents, found.models[7].latents);
+    assert_eq!(alone.model.latents, identification.models[7].latents);
 }
 
 #[test]
@@ -95,9 +95,13 @@ fn noise_has_no_regions_that_hold_out() {
     let mut random = Pcg64::seed_from_u64(3);
     let noise: Vec<Row> =
         (0..900).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
-    let found = run(&problem(2), &options("null,lattice:2..12", 5), &source(&noise, 1));
-    assert!(found.candidates[1..].iter().all(|score| score.loss > found.candidates[0].loss), "{:?}", found.candidates);
-    assert_eq!(found.chosen, 0);
+    let identification = run(&problem(2), &options("null,lattice:2..12", 5), &source(&noise, 1));
+    assert!(
+        identification.candidates[1..].iter().all(|score| score.loss > identification.candidates[0].loss),
+        "{:?}",
+        identification.candidates
+    );
+    assert_eq!(identification.chosen, 0);
     // Training errors alone would take as many regions as there are.
     let model = run(&problem(2), &options("lattice:2..12", 5), &source(&noise, 1)).model;
     let levels = &model.partitions[0].lattice.as_ref().unwrap().levels;
@@ -107,20 +111,24 @@ fn noise_has_no_regions_that_hold_out() {
 #[test]
 fn as_many_regions_as_cells_are_the_fits_of_the_cells() {
     let rows = sandwich(60, 4);
-    let found = run(&problem(2), &options("lattice:60", 0), &source(&rows, 1));
-    let partition = &found.model.partitions[0];
+    let identification = run(&problem(2), &options("lattice:60", 0), &source(&rows, 1));
+    let partition = &identification.model.partitions[0];
     let Rule::Joined { cells, regions } = &partition.rule else { panic!("{:?}", partition.rule) };
     // A cell a row, and a map through each.
     assert_eq!((regions.len(), partition.rule.count(), cells.count()), (60, 60, 60));
     assert!(partition.lattice.as_ref().unwrap().levels[0].training < 1e-12);
-    assert!(error(&found.model, &rows) < 1e-12);
+    assert!(error(&identification.model, &rows) < 1e-12);
 }
 
 #[test]
 fn fewer_cells_than_regions_are_told() {
-    let found = run(&problem(2), &options("lattice:90", 0), &source(&sandwich(60, 4), 1));
-    assert!(found.notes.iter().any(|note| note.contains("lattice:90") && note.contains("cells")), "{:?}", found.notes);
-    assert!(found.candidates[0].regions <= 60);
+    let identification = run(&problem(2), &options("lattice:90", 0), &source(&sandwich(60, 4), 1));
+    assert!(
+        identification.notes.iter().any(|note| note.contains("lattice:90") && note.contains("cells")),
+        "{:?}",
+        identification.notes
+    );
+    assert!(identification.candidates[0].regions <= 60);
 }
 
 #[test]
@@ -132,9 +140,17 @@ fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
 #[test]
 fn constant_columns_and_one_place_are_no_trouble() {
     let rows: Vec<Row> = sandwich(600, 7).into_iter().map(|(x, y)| (vec![x[0], x[1], 7.0], y)).collect();
-    let found = run(&problem(3), &options("average,lattice:1,lattice:3", 3), &source(&rows, 1));
-    assert!((found.candidates[0].loss - found.candidates[1].loss).abs() < 1e-9, "{:?}", found.candidates);
-    assert!(found.candidates[2].loss < 0.5 * found.candidates[0].loss, "{:?}", found.candidates);
+    let identification = run(&problem(3), &options("average,lattice:1,lattice:3", 3), &source(&rows, 1));
+    assert!(
+        (identification.candidates[0].loss - identification.candidates[1].loss).abs() < 1e-9,
+        "{:?}",
+        identification.candidates
+    );
+    assert!(
+        identification.candidates[2].loss < 0.5 * identification.candidates[0].loss,
+        "{:?}",
+        identification.candidates
+    );
     let mut on_nothing = problem(3);
     on_nothing.partition_columns.truncate(3);
     on_nothing.partition_columns.drain(..2);
@@ -149,9 +165,9 @@ fn joined_regions_come_near_to_refined_ones() {
     let mut wanted = options("kmeans:3,refined:3,lattice:3", 0);
     wanted.selection = Selection::Bic;
     wanted.keep_all = true;
-    let found = run(&problem(2), &wanted, &source(&rows, 1));
+    let identification = run(&problem(2), &wanted, &source(&rows, 1));
     let fresh = sandwich(5000, 9);
-    let [clustered, refined, joined] = [0, 1, 2].map(|at| error(&found.models[at], &fresh));
+    let [clustered, refined, joined] = [0, 1, 2].map(|at| error(&identification.models[at], &fresh));
     assert!(joined < 0.02 * clustered && joined < 1.03 * refined, "{clustered} {refined} {joined}");
 }
 
@@ -165,7 +181,7 @@ fn modes(rows: usize, seed: u64) -> Vec<Row> {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut row = |_| {
         let x: Vec<f64> = (0..6).map(|_| normal(&mut random)).collect();
-        let score = |own: &usize| separators[*own].iter().zip(&x).map(|(w, x)| w * x).sum::<f64>();
+        let score = |cell: &usize| separators[*cell].iter().zip(&x).map(|(w, x)| w * x).sum::<f64>();
         let mode = (0..5).max_by(|a, b| score(a).total_cmp(&score(b))).unwrap();
         let y = maps[mode][6] + 0.4 * maps[mode].iter().zip(&x).map(|(c, x)| c * x).sum::<f64>();
         (x, y + 0.1 * normal(&mut random))
@@ -179,9 +195,9 @@ fn every_level_is_as_good_as_regions_refined_for_its_number() {
     let mut wanted = options("refined:2,refined:3,refined:5,refined:8,lattice:2,lattice:3,lattice:5,lattice:8", 0);
     wanted.selection = Selection::Bic;
     wanted.keep_all = true;
-    let found = run(&problem(6), &wanted, &source(&rows, 1));
+    let identification = run(&problem(6), &wanted, &source(&rows, 1));
     let fresh = modes(8000, 2);
-    let errors: Vec<f64> = found.models.iter().map(|model| error(model, &fresh)).collect();
+    let errors: Vec<f64> = identification.models.iter().map(|model| error(model, &fresh)).collect();
     println!("{errors:?}");
     for (refined, joined) in errors[..4].iter().zip(&errors[4..]) {
         assert!(*joined < 1.03 * refined, "{errors:?}");
@@ -191,7 +207,7 @@ fn every_level_is_as_good_as_regions_refined_for_its_number() {
 #[test]
 fn partitions_alone_are_those_of_the_regression() {
     let source = source(&sandwich(900, 9), 1);
-    let found = partition(&problem(2), &options("lattice:2,lattice:4", 5), &source, &Silent).unwrap();
+    let partitions = partition(&problem(2), &options("lattice:2,lattice:4", 5), &source, &Silent).unwrap();
     let fitted = identify(&problem(2), &options("lattice:4", 0), &source, &Silent).unwrap();
-    assert_eq!(found.partitions[1].1.rule, fitted.model.partitions[0].rule);
+    assert_eq!(partitions.partitions[1].1.rule, fitted.model.partitions[0].rule);
 }

@@ -70,7 +70,11 @@ fn force() -> Vec<Port> {
 /// [M N] of a region: of next values the coefficients, of derivatives Euler's step.
 fn map(model: &Model, region: usize) -> Mat<f64> {
     let row = |name: &str| {
-        model.latents.iter().find(|latent| latent.name == name).map(|own| &own.affine().unwrap().coefficients[region])
+        model
+            .latents
+            .iter()
+            .find(|latent| latent.name == name)
+            .map(|latent| &latent.affine().unwrap().coefficients[region])
     };
     match row("f_x") {
         Some(x) => Mat::from_fn(2, 3, |i, j| if i == 0 { x[j] } else { row("f_v").unwrap()[j] }),
@@ -81,8 +85,8 @@ fn map(model: &Model, region: usize) -> Mat<f64> {
     }
 }
 
-fn shortage(told: &Stability) -> f64 {
-    told.passivity.as_ref().unwrap().ports[0].shortage.unwrap()
+fn shortage(stability: &Stability) -> f64 {
+    stability.passivity.as_ref().unwrap().ports[0].shortage.unwrap()
 }
 
 fn slack(map: &Mat<f64>, P: &Mat<f64>, shortage: f64) -> f64 {
@@ -108,26 +112,30 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
     for (problem, partitions) in [(next_rows(), "average,kmeans:8"), (derivatives(), "average,kmeans:8")] {
         let mut asked = options(partitions, force());
         asked.keep_all = true;
-        let found = run(&problem, &asked, &source);
+        let identification = run(&problem, &asked, &source);
         asked.ports.clear();
         let free = run(&problem, &asked, &source);
-        for (at, candidate) in found.candidates.iter().enumerate() {
-            let told = candidate.stability.as_ref().unwrap();
-            let passivity = told.passivity.as_ref().unwrap();
-            let (P, E) = (metric(told), shortage(told));
+        for (at, candidate) in identification.candidates.iter().enumerate() {
+            let stability = candidate.stability.as_ref().unwrap();
+            let passivity = stability.passivity.as_ref().unwrap();
+            let (P, E) = (metric(stability), shortage(stability));
             let mut active = 0;
-            for (region, own) in passivity.regions.iter().enumerate() {
-                let (written, before) = (map(&found.models[at], region), map(&free.models[at], region));
+            for (region, passive) in passivity.regions.iter().enumerate() {
+                let (written, before) = (map(&identification.models[at], region), map(&free.models[at], region));
                 // The program ends within the bound; rounding of three by three.
-                assert!(slack(&written, &P, E) >= -1e-12 && own.norm <= 1.0, "{region}: {}", slack(&written, &P, E));
-                assert_eq!(own.free > 1.0, slack(&before, &P, E) < 0.0, "{region}: {own:?}");
-                if own.free <= 1.0 {
+                assert!(
+                    slack(&written, &P, E) >= -1e-12 && passive.norm <= 1.0,
+                    "{region}: {}",
+                    slack(&written, &P, E)
+                );
+                assert_eq!(passive.free > 1.0, slack(&before, &P, E) < 0.0, "{region}: {passive:?}");
+                if passive.free <= 1.0 {
                     assert_eq!(written, before, "what is passive stays to the bit");
                 }
-                active += usize::from(own.free > 1.0);
-                assert!(told.regions[region].norm <= 1.0 && told.regions[region].radius <= 1.0);
+                active += usize::from(passive.free > 1.0);
+                assert!(stability.regions[region].norm <= 1.0 && stability.regions[region].radius <= 1.0);
             }
-            assert_eq!(told.moved(), active);
+            assert_eq!(stability.moved(), active);
             assert!(partitions == "average" || at == 0 || active >= 4, "{active} of 8 regions had to move");
             // A mass of 1.5 is what the force meets: twice its kinetic energy is the storage of a speed.
             assert!((P[(1, 1)] / MASS - 1.0).abs() < 0.35, "{P:?}");
@@ -136,8 +144,8 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
             assert!(candidate.loss >= candidate.free_loss - 3.0 * candidate.standard_error);
         }
         // Whatever region follows on whatever, no force draws more than went in and was stored.
-        let (model, told) = (&found.models[1], found.candidates[1].stability.as_ref().unwrap());
-        let (P, E) = (metric(told), shortage(told));
+        let (model, stability) = (&identification.models[1], identification.candidates[1].stability.as_ref().unwrap());
+        let (P, E) = (metric(stability), shortage(stability));
         let mut random = Pcg64::seed_from_u64(9);
         for _ in 0..200 {
             let mut state = Mat::from_fn(2, 1, |_, _| random.random_range(-1.0..1.0));
@@ -146,16 +154,16 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
             for _ in 0..100 {
                 let f: f64 = -3.0 * state[(1, 0)] + random.random_range(-1.0..1.0);
                 supplied += H * (2.0 * f * state[(1, 0)] + E * f * f);
-                let own = map(model, random.random_range(0..8));
-                state = own.subcols(0, 2) * &state + Mat::from_fn(2, 1, |i, _| own[(i, 2)] * f);
+                let map_of = map(model, random.random_range(0..8));
+                state = map_of.subcols(0, 2) * &state + Mat::from_fn(2, 1, |i, _| map_of[(i, 2)] * f);
                 assert!(energy(&state) <= start + supplied + 1e-9 * start.max(1.0));
             }
         }
         // A damper that takes no more than the shortage allows, 2 y / E, holds the loop in every region.
         for region in 0..8 {
-            let own = map(model, region);
+            let map_of = map(model, region);
             for damper in [0.1, 1.0, 1.99 / E] {
-                let loop_ = Mat::from_fn(2, 2, |i, j| own[(i, j)] - own[(i, 2)] * damper * [0.0, 1.0][j]);
+                let loop_ = Mat::from_fn(2, 2, |i, j| map_of[(i, j)] - map_of[(i, 2)] * damper * [0.0, 1.0][j]);
                 assert!(fleetfoot_stats::spectral_radius(loop_.as_ref()) <= 1.0 + 1e-9);
             }
         }
@@ -165,13 +173,14 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
 /// The flow of a model of derivatives dissipates with the same shortage.
 #[test]
 fn the_flow_is_passive_too() {
-    let found = run(&derivatives(), &options("kmeans:6", force()), &mass(2000, 5, 0.3));
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    let (P, E) = (metric(told), shortage(told));
+    let identification = run(&derivatives(), &options("kmeans:6", force()), &mass(2000, 5, 0.3));
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    let (P, E) = (metric(stability), shortage(stability));
     for region in 0..6 {
-        let own = map(&found.model, region);
+        let map_of = map(&identification.model, region);
         let [A, B] = [(0, 2), (2, 1)].map(|(first, count)| {
-            let step = Mat::from_fn(2, count, |i, j| own[(i, first + j)] - f64::from(u8::from(first == 0 && i == j)));
+            let step =
+                Mat::from_fn(2, count, |i, j| map_of[(i, first + j)] - f64::from(u8::from(first == 0 && i == j)));
             Mat::from_fn(2, count, |i, j| step[(i, j)] / H)
         });
         let (PA, PB) = (&P * &A, &P * &B);
@@ -192,21 +201,25 @@ fn what_is_passive_pays_nothing() {
     // The regions that the spring has.
     let mut problem = next_rows();
     problem.partition_columns = vec![Expr::column("x")];
-    let found = run(&problem, &options("average", force()), &source);
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    assert_eq!((told.moved(), found.candidates[0].loss), (0, found.candidates[0].free_loss), "{told:?}");
+    let identification = run(&problem, &options("average", force()), &source);
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    assert_eq!(
+        (stability.moved(), identification.candidates[0].loss),
+        (0, identification.candidates[0].free_loss),
+        "{stability:?}"
+    );
     // Less than what sampling takes is not to be had for nothing.
     let port = Port { shortage: Some(0.8 * H / MASS), ..force().remove(0) };
     let tight = run(&problem, &options("average", vec![port]), &source);
     let candidate = &tight.candidates[0];
-    let told = candidate.stability.as_ref().unwrap();
+    let stability = candidate.stability.as_ref().unwrap();
     assert!(
-        told.moved() == 1 && candidate.loss > 1.5 * candidate.free_loss,
+        stability.moved() == 1 && candidate.loss > 1.5 * candidate.free_loss,
         "{} {}",
         candidate.loss,
         candidate.free_loss
     );
-    assert!(slack(&map(&tight.model, 0), &metric(told), 0.8 * H / MASS) >= -1e-12);
+    assert!(slack(&map(&tight.model, 0), &metric(stability), 0.8 * H / MASS) >= -1e-12);
 }
 
 /// The squared errors of the rows are least among passive maps: none that is found by random steps is better by more than the gap.
@@ -215,28 +228,28 @@ fn no_passive_map_has_less_error() {
     let source = mass(1000, 2, 0.4);
     let mut asked = options("average", force());
     asked.stability = Some(0.75);
-    let found = run(&next_rows(), &asked, &source);
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    assert_eq!(told.moved(), 1, "{told:?}");
-    let (P, E) = (metric(told), shortage(told));
+    let identification = run(&next_rows(), &asked, &source);
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    assert_eq!(stability.moved(), 1, "{stability:?}");
+    let (P, E) = (metric(stability), shortage(stability));
     let free = run(&next_rows(), &options("average", Vec::new()), &source).model;
-    let is_within = |own: &[[f64; 4]; 2]| slack_at(&Mat::from_fn(2, 3, |i, j| own[i][j + 1]), &P, E, 0.75) >= 0.0;
-    Price::new(&source, &free).is_least(&found.model, is_within);
+    let is_within = |map_of: &[[f64; 4]; 2]| slack_at(&Mat::from_fn(2, 3, |i, j| map_of[i][j + 1]), &P, E, 0.75) >= 0.0;
+    Price::new(&source, &free).is_least(&identification.model, is_within);
 }
 
 /// Coefficients that left the set go to where no way within it leads nearer.
 #[test]
 fn models_are_kept_passive_where_they_are_nearest() {
-    let found = run(&next_rows(), &options("kmeans:6", force()), &mass(2000, 4, 0.15));
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    let (P, E) = (metric(told), shortage(told));
-    let set = Contracting::new(&next_rows(), told).unwrap();
+    let identification = run(&next_rows(), &options("kmeans:6", force()), &mass(2000, 4, 0.15));
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    let (P, E) = (metric(stability), shortage(stability));
+    let set = Contracting::new(&next_rows(), stability).unwrap();
     let is_within = |model: &Model, region: usize, rounded: bool| {
         slack(&map(model, region), &P, E) >= if rounded { -1e-12 } else { 0.0 }
     };
-    let nearest = goes_to_the_nearest(&set, &found.model, 0.2, is_within);
-    let again = set.stability_of(told, &nearest);
-    assert!(again.passivity.unwrap().regions.iter().all(|own| own.norm <= 1.0 + 1e-9));
+    let nearest = goes_to_the_nearest(&set, &identification.model, 0.2, is_within);
+    let again = set.stability_of(stability, &nearest);
+    assert!(again.passivity.unwrap().regions.iter().all(|region| region.norm <= 1.0 + 1e-9));
 }
 
 #[test]

@@ -63,11 +63,11 @@ pub(crate) fn run(problem: &Problem, options: &Options, source: &MemorySource) -
 /// and for the episodes in the other order.
 pub(crate) fn same_bits(problem: &Problem, options: &Options, rows: &[Row]) -> String {
     let said = |source: &MemorySource| {
-        let found = run(problem, options, source);
-        let mut model = found.model;
+        let identification = run(problem, options, source);
+        let mut model = identification.model;
         model.training.episodes.sort();
-        let told = |score: &Score| (score.loss.to_bits(), score.continuity.as_ref().map(|own| own.numbers));
-        (model.to_json(), found.candidates.iter().map(told).collect::<Vec<_>>(), found.notes)
+        let numbers = |score: &Score| (score.loss.to_bits(), score.continuity.as_ref().map(|numbers| numbers.numbers));
+        (model.to_json(), identification.candidates.iter().map(numbers).collect::<Vec<_>>(), identification.notes)
     };
     assert_eq!(rows.len(), 6 * 1500);
     let whole = source(rows, 6);
@@ -116,8 +116,8 @@ fn mode(y: f64, u: f64) -> usize {
 const MODES: [[f64; 3]; 3] = [[-0.4, 1.0, 1.5], [0.5, -1.0, -0.5], [-0.3, 0.5, -1.7]];
 
 /// Share of the rows whose region is their mode, with the best naming of regions by modes; and the mode that each region stands for.
-fn recovered(found: &Identification, rows: &[Row], modes: &[usize]) -> (f64, Vec<usize>) {
-    let partition = &found.model.partitions[0];
+fn recovered(identification: &Identification, rows: &[Row], modes: &[usize]) -> (f64, Vec<usize>) {
+    let partition = &identification.model.partitions[0];
     let mut counts = vec![[0usize; 3]; partition.rule.count()];
     for ((x, _), &mode) in rows.iter().zip(modes) {
         let z: Vec<f64> =
@@ -147,10 +147,10 @@ fn modes_that_do_not_follow_density_are_found() {
 
 /// Deviations of the regions' slopes from those of their modes, in standard errors of ordinary least squares by the
 /// model's region summaries.
-fn off(found: &Identification, names: &[usize]) -> Vec<f64> {
-    let latent = &found.model.latents[0];
+fn off(identification: &Identification, names: &[usize]) -> Vec<f64> {
+    let latent = &identification.model.latents[0];
     let slopes = names.iter().enumerate().flat_map(|(region, &mode)| {
-        let info = &found.model.summaries[0].regions[region];
+        let info = &identification.model.summaries[0].regions[region];
         let (xx, xy, yy) = (info.covariance[0], info.covariance[1], info.covariance[2]);
         let noise = info.residual_covariance[0] / info.rows as f64;
         let determinant = xx * yy - xy * xy;
@@ -177,11 +177,11 @@ fn modes_of_few_rows_are_found() {
 fn borders_of_a_sample_are_drawn_by_all_rows() {
     for seed in [0, 1] {
         let (rows, modes) = pwarx(300_000, seed);
-        let found = run(&problem(2), &options("refined:3", 0), &source(&rows, 1));
-        let (share, names) = recovered(&found, &rows, &modes);
+        let identification = run(&problem(2), &options("refined:3", 0), &source(&rows, 1));
+        let (share, names) = recovered(&identification, &rows, &modes);
         // Where the maps cross at a border, rows beside it do not tell where it is, and do no harm.
         assert!(share >= 1.0 - 5e-5, "seed {seed}: {} rows are wrong", (300_000.0 * (1.0 - share)).round());
-        let off = off(&found, &names);
+        let off = off(&identification, &names);
         assert!(off.iter().all(|off| off.abs() < 3.5), "seed {seed}: {off:?} standard errors");
     }
 }
@@ -189,9 +189,14 @@ fn borders_of_a_sample_are_drawn_by_all_rows() {
 #[test]
 fn the_number_of_modes_is_chosen_on_rows_that_did_not_train() {
     let (rows, _) = pwarx(1000, 7);
-    let found = run(&problem(2), &options("average,refined:2..5", 5), &source(&rows, 1));
-    assert_eq!(found.candidates[found.chosen].specification, Specification::Refined(3), "{:?}", found.candidates);
-    let objective = &found.candidates[found.chosen].objective;
+    let identification = run(&problem(2), &options("average,refined:2..5", 5), &source(&rows, 1));
+    assert_eq!(
+        identification.candidates[identification.chosen].specification,
+        Specification::Refined(3),
+        "{:?}",
+        identification.candidates
+    );
+    let objective = &identification.candidates[identification.chosen].objective;
     assert!(objective.len() > 1 && objective.windows(2).all(|pair| pair[1] < pair[0]), "{objective:?}");
 }
 
@@ -200,11 +205,11 @@ fn noise_has_no_regions_that_hold_out() {
     let mut random = Pcg64::seed_from_u64(3);
     let rows: Vec<Row> =
         (0..600).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
-    let found = run(&problem(2), &options("null,refined:6", 5), &source(&rows, 1));
+    let identification = run(&problem(2), &options("null,refined:6", 5), &source(&rows, 1));
     // Regions refined on the held-out rows too would explain some of them.
-    let [null, refined] = [0, 1].map(|at| found.candidates[at].loss);
+    let [null, refined] = [0, 1].map(|at| identification.candidates[at].loss);
     assert!(refined > null, "{refined} {null}");
-    assert_eq!(found.chosen, 0);
+    assert_eq!(identification.chosen, 0);
 }
 
 /// Functions with kinks, steps and curves; inputs uniform between -1 and 1.
@@ -231,8 +236,8 @@ fn sampled(f: fn(&[f64]) -> f64, d: usize, rows: usize, seed: u64) -> Vec<Row> {
 #[test]
 fn functions_are_explained_better_than_by_as_many_cells_of_k_means() {
     for (name, d, f) in functions() {
-        let found = run(&problem(d), &options("kmeans:6,refined:6", 5), &source(&sampled(f, d, 1000, 11), 1));
-        let [clustered, refined] = [0, 1].map(|at| found.candidates[at].loss);
+        let identification = run(&problem(d), &options("kmeans:6,refined:6", 5), &source(&sampled(f, d, 1000, 11), 1));
+        let [clustered, refined] = [0, 1].map(|at| identification.candidates[at].loss);
         assert!(refined < 0.8 * clustered, "{name}: {refined} {clustered}");
     }
 }
@@ -246,11 +251,15 @@ fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
 #[test]
 fn starved_regions_are_given_up() {
     let (rows, _) = pwarx(40, 1);
-    let found = run(&problem(2), &options("refined:30", 0), &source(&rows, 1));
-    let partition = &found.model.partitions[0];
+    let identification = run(&problem(2), &options("refined:30", 0), &source(&rows, 1));
+    let partition = &identification.model.partitions[0];
     assert!((2..=10).contains(&partition.rule.count()), "{}", partition.rule.count());
-    assert!(found.model.summaries[0].regions.iter().all(|region| region.rows >= 4));
-    assert!(found.notes.iter().any(|note| note.contains("have enough rows for a separate map")), "{:?}", found.notes);
+    assert!(identification.model.summaries[0].regions.iter().all(|region| region.rows >= 4));
+    assert!(
+        identification.notes.iter().any(|note| note.contains("have enough rows for a separate map")),
+        "{:?}",
+        identification.notes
+    );
 }
 
 #[test]
@@ -258,19 +267,23 @@ fn a_sample_is_refined_and_all_rows_are_fitted() {
     let (rows, modes) = pwarx(20_000, 2);
     let mut small = options("refined:3", 0);
     small.memory = 2_000 * 144;
-    let found = run(&problem(2), &small, &source(&rows, 1));
-    assert!(found.notes.iter().any(|note| note.contains("a sample of")), "{:?}", found.notes);
-    assert_eq!(found.model.summaries[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
-    assert!(recovered(&found, &rows, &modes).0 > 0.98);
+    let identification = run(&problem(2), &small, &source(&rows, 1));
+    assert!(identification.notes.iter().any(|note| note.contains("a sample of")), "{:?}", identification.notes);
+    assert_eq!(identification.model.summaries[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
+    assert!(recovered(&identification, &rows, &modes).0 > 0.98);
 }
 
 #[test]
 fn one_region_and_constant_columns_are_no_trouble() {
     let (name, d, f) = functions()[1];
     let rows: Vec<Row> = sampled(f, d, 300, 4).into_iter().map(|(x, y)| (vec![x[0], x[1], 7.0], y)).collect();
-    let found = run(&problem(3), &options("average,refined:1,refined:3", 3), &source(&rows, 1));
-    assert!((found.candidates[0].loss - found.candidates[1].loss).abs() < 1e-12, "{name}");
-    assert!(found.candidates[2].loss < 0.5 * found.candidates[0].loss, "{name}: {:?}", found.candidates);
+    let identification = run(&problem(3), &options("average,refined:1,refined:3", 3), &source(&rows, 1));
+    assert!((identification.candidates[0].loss - identification.candidates[1].loss).abs() < 1e-12, "{name}");
+    assert!(
+        identification.candidates[2].loss < 0.5 * identification.candidates[0].loss,
+        "{name}: {:?}",
+        identification.candidates
+    );
 }
 
 #[test]
@@ -283,10 +296,10 @@ fn regions_on_too_many_columns_are_refused() {
 #[test]
 fn partitions_alone_are_those_of_the_regression() {
     let (rows, _) = pwarx(300, 9);
-    let found = partition(&problem(2), &options("refined:3", 5), &source(&rows, 1), &Silent).unwrap();
+    let partitions = partition(&problem(2), &options("refined:3", 5), &source(&rows, 1), &Silent).unwrap();
     let fitted = identify(&problem(2), &options("refined:3", 0), &source(&rows, 1), &Silent).unwrap();
-    assert_eq!(found.partitions[0].1.rule, fitted.model.partitions[0].rule);
-    assert_eq!(found.partitions[0].1.rule.count(), 3);
+    assert_eq!(partitions.partitions[0].1.rule, fitted.model.partitions[0].rule);
+    assert_eq!(partitions.partitions[0].1.rule.count(), 3);
 }
 
 #[test]
@@ -299,10 +312,11 @@ fn the_regions_of_every_label_are_refined_by_themselves() {
         (vec![x[0], x[1], ground], if ground == 0.0 { x[0].abs() } else { 1.0 - x[1].abs() })
     };
     let rows: Vec<Row> = (0..1200).map(&mut row).collect();
-    let found = run(&problem(2), &options("refined:2,labels:x2,labels:x2+refined:2", 4), &source(&rows, 4));
-    let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
+    let identification = run(&problem(2), &options("refined:2,labels:x2,labels:x2+refined:2", 4), &source(&rows, 4));
+    let losses: Vec<f64> = identification.candidates.iter().map(|score| score.loss).collect();
     assert!(losses[2] < 1e-3 && losses[0] > 0.1 && losses[1] > 0.1, "{losses:?}");
-    assert_eq!(found.candidates[found.chosen].regions, 4);
-    let names: Vec<&str> = found.model.summaries[0].regions.iter().map(|region| region.name.as_str()).collect();
+    assert_eq!(identification.candidates[identification.chosen].regions, 4);
+    let names: Vec<&str> =
+        identification.model.summaries[0].regions.iter().map(|region| region.name.as_str()).collect();
     assert_eq!(names, ["0/0", "0/1", "1/0", "1/1"]);
 }

@@ -63,27 +63,27 @@ fn all_regions_contract_in_the_metric_that_is_told() {
         run(&problem(), &options("kmeans:30", None), &source),
         run(&problem(), &options("kmeans:30", Some(1.0)), &source),
     );
-    let told = bound.candidates[0].stability.as_ref().unwrap();
-    assert_eq!(told.variables, ["x", "v"]);
-    assert!(told.inputs.is_empty());
-    let P = metric(told);
+    let stability = bound.candidates[0].stability.as_ref().unwrap();
+    assert_eq!(stability.variables, ["x", "v"]);
+    assert!(stability.inputs.is_empty());
+    let P = metric(stability);
     let grows = |model: &Model| (0..30).filter(|&region| spectral_radius(map(model, region, 2).as_ref()) > 1.0).count();
     assert!(grows(&free.model) > 0, "else there is nothing to show");
     assert_eq!(grows(&bound.model), 0);
     let mut stayed = 0;
-    for (region, own) in told.regions.iter().enumerate() {
-        let found = norm(&map(&bound.model, region, 2), &P);
-        assert!(found <= 1.0 + 1e-9 && (found - own.norm).abs() < 1e-9, "{found} {own:?}");
-        assert!((norm(&map(&free.model, region, 2), &P) - own.free_norm).abs() < 1e-9);
-        assert!(own.gap <= 1e-7, "{own:?}");
+    for (region, stable) in stability.regions.iter().enumerate() {
+        let norm_of_map = norm(&map(&bound.model, region, 2), &P);
+        assert!(norm_of_map <= 1.0 + 1e-9 && (norm_of_map - stable.norm).abs() < 1e-9, "{norm_of_map} {stable:?}");
+        assert!((norm(&map(&free.model, region, 2), &P) - stable.free_norm).abs() < 1e-9);
+        assert!(stable.gap <= 1e-7, "{stable:?}");
         let same = (0..2).all(|t| {
             bound.model.latents[t].affine().unwrap().coefficients[region]
                 == free.model.latents[t].affine().unwrap().coefficients[region]
         });
-        assert_eq!(same, own.free_norm <= 1.0, "what contracts already stays to the bit");
+        assert_eq!(same, stable.free_norm <= 1.0, "what contracts already stays to the bit");
         stayed += usize::from(same);
     }
-    assert!(stayed > 0 && stayed < 30 && told.moved() == 30 - stayed);
+    assert!(stayed > 0 && stayed < 30 && stability.moved() == 30 - stayed);
     // The price is told, and it is the free fit's own loss beside it.
     let score = &bound.candidates[0];
     assert!((score.free_loss - free.candidates[0].loss).abs() < 1e-12);
@@ -103,26 +103,26 @@ fn all_regions_contract_in_the_metric_that_is_told() {
 #[test]
 fn no_map_within_the_bound_has_less_error() {
     let source = oscillator(1000, 2);
-    let found = run(&problem(), &options("average", Some(0.9)), &source);
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    let P = metric(told);
+    let identification = run(&problem(), &options("average", Some(0.9)), &source);
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    let P = metric(stability);
     let free = run(&problem(), &options("average", None), &source).model;
-    let is_within = |own: &[[f64; 4]; 2]| norm(&Mat::from_fn(2, 2, |i, j| own[i][j + 1]), &P) <= 0.9;
-    Price::new(&source, &free).is_least(&found.model, is_within);
+    let is_within = |map_of: &[[f64; 4]; 2]| norm(&Mat::from_fn(2, 2, |i, j| map_of[i][j + 1]), &P) <= 0.9;
+    Price::new(&source, &free).is_least(&identification.model, is_within);
 }
 
 #[test]
 fn models_are_kept_within_the_bound_where_they_are_nearest() {
     let source = oscillator(2000, 4);
-    let found = run(&problem(), &options("kmeans:8", Some(0.98)), &source);
-    let stability = found.candidates[0].stability.as_ref().unwrap();
+    let identification = run(&problem(), &options("kmeans:8", Some(0.98)), &source);
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
     let (set, P) = (Contracting::new(&problem(), stability).unwrap(), metric(stability));
     let is_within = |model: &Model, region: usize, rounded: bool| {
         norm(&map(model, region, 2), &P) <= 0.98 + if rounded { 1e-9 } else { 0.0 }
     };
-    let nearest = goes_to_the_nearest(&set, &found.model, 0.3, is_within);
-    let told = set.stability_of(stability, &nearest);
-    assert!(told.regions.iter().all(|own| own.norm <= 0.98 + 1e-9 && own.radius <= own.norm + 1e-9));
+    let nearest = goes_to_the_nearest(&set, &identification.model, 0.3, is_within);
+    let after = set.stability_of(stability, &nearest);
+    assert!(after.regions.iter().all(|region| region.norm <= 0.98 + 1e-9 && region.radius <= region.norm + 1e-9));
 }
 
 #[test]
@@ -135,13 +135,13 @@ fn earlier_rows_are_part_of_the_map() {
     problem.library = vec![Expr::column("x"), Expr::lagged("x", 1), Expr::column("u")];
     problem.equations = vec![equation("x", Prediction::Next, "f_x", Some(Expr::lagged("x", -1)))];
     problem.partition_columns = vec![Expr::column("x"), Expr::lagged("x", 1)];
-    let found = run(&problem, &options("kmeans:20", Some(0.999)), &source);
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    assert_eq!(told.variables, ["x", "lag(x, 1)"]);
-    assert!(told.moved() > 0);
-    let P = metric(told);
+    let identification = run(&problem, &options("kmeans:20", Some(0.999)), &source);
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    assert_eq!(stability.variables, ["x", "lag(x, 1)"]);
+    assert!(stability.moved() > 0);
+    let P = metric(stability);
     for region in 0..20 {
-        let [a, b] = [0, 1].map(|j| found.model.latents[0].affine().unwrap().coefficients[region][j]);
+        let [a, b] = [0, 1].map(|j| identification.model.latents[0].affine().unwrap().coefficients[region][j]);
         let M = Mat::from_fn(2, 2, |i, j| [[a, b], [1.0, 0.0]][i][j]);
         assert!(norm(&M, &P) <= 0.999 + 1e-9);
         assert!(spectral_radius(M.as_ref()) <= 0.999 + 1e-9);
@@ -161,20 +161,20 @@ fn given_equations_are_part_of_the_map_and_derivatives_are_steps() {
             Some((Expr::lagged("v", -1) - &Expr::column("v")) / Expr::number(0.05)),
         ),
     ];
-    let found = run(&problem, &options("kmeans:20", Some(1.0)), &source);
-    let told = found.candidates[0].stability.as_ref().unwrap();
-    let P = metric(told);
+    let identification = run(&problem, &options("kmeans:20", Some(1.0)), &source);
+    let stability = identification.candidates[0].stability.as_ref().unwrap();
+    let P = metric(stability);
     let maps: Vec<Mat<f64>> = (0..20)
         .map(|region| {
-            let [a, b] = [0, 1].map(|j| found.model.latents[0].affine().unwrap().coefficients[region][j]);
+            let [a, b] = [0, 1].map(|j| identification.model.latents[0].affine().unwrap().coefficients[region][j]);
             Mat::from_fn(2, 2, |i, j| [[1.0, 0.05], [0.05 * a, 1.0 + 0.05 * b]][i][j])
         })
         .collect();
-    match told.variables.len() {
+    match stability.variables.len() {
         2 => maps.iter().for_each(|M| assert!(norm(M, &P) <= 1.0 + 1e-9)),
         // The positions act as an input.
         _ => {
-            assert_eq!(told.inputs, ["x"]);
+            assert_eq!(stability.inputs, ["x"]);
             maps.iter().for_each(|M| assert!(M[(1, 1)].abs() <= 1.0 + 1e-9));
         }
     }

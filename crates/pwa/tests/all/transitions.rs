@@ -89,9 +89,9 @@ fn regions(model: &Model) -> &Partition {
 #[test]
 fn regions_along_a_phase_are_those_of_the_rows() {
     let source = gait(30_000, 3, 0.5, 1);
-    let found = run("phase", &options("kmeans:4", Some(CYCLE)), &source).model;
-    let own = regions(&found);
-    let phases = own.phases.as_ref().unwrap();
+    let model = run("phase", &options("kmeans:4", Some(CYCLE)), &source).model;
+    let regions = regions(&model);
+    let phases = regions.phases.as_ref().unwrap();
     assert_eq!(phases.bins, PhaseBins::Cyclic { period: 1.0, count: 6 });
     // The same by hand: rows, passages and first rows of strides, episode by episode.
     use fleetfoot_data::{Halo, Source};
@@ -101,7 +101,7 @@ fn regions_along_a_phase_are_those_of_the_rows() {
         let block = source.read(episode, 0..10_000, Halo::default()).unwrap();
         let phase = block.core(4);
         let mut region = vec![0; 10_000];
-        own.assign(&[phase], &mut Vec::new(), &mut region);
+        regions.assign(&[phase], &mut Vec::new(), &mut region);
         let bin = |row: usize| (6.0 * phase[row]) as usize;
         let mut last: Option<(usize, u32)> = None;
         for row in 0..10_000 {
@@ -118,35 +118,36 @@ fn regions_along_a_phase_are_those_of_the_rows() {
         }
     }
     assert_eq!((&phases.rows, &phases.strides, phases.stride_rows), (&rows, &strides, length as u64));
-    let told: Vec<([u32; 3], u64)> =
-        phases.passages.iter().map(|own| ([own.bin, own.from, own.to], own.rows)).collect();
-    assert_eq!(told, passages.into_iter().collect::<Vec<_>>());
+    let counted: Vec<([u32; 3], u64)> =
+        phases.passages.iter().map(|passage| ([passage.bin, passage.from, passage.to], passage.rows)).collect();
+    assert_eq!(counted, passages.into_iter().collect::<Vec<_>>());
     assert!((phases.rows_of_a_stride() * RATE - 1.0).abs() < 0.01, "{}", phases.rows_of_a_stride());
     // Which follows which from sample to sample is the same, summed over the bins.
-    let sum: u64 = phases.passages.iter().filter(|own| (own.from, own.to) == (1, 1)).map(|own| own.rows).sum();
-    assert_eq!(sum, own.transitions.as_ref().unwrap().counts[1][1]);
-    let again = Model::from_json(&found.to_json(), "test").unwrap();
-    assert_eq!(again, found);
+    let sum: u64 =
+        phases.passages.iter().filter(|passage| (passage.from, passage.to) == (1, 1)).map(|passage| passage.rows).sum();
+    assert_eq!(sum, regions.transitions.as_ref().unwrap().counts[1][1]);
+    let again = Model::from_json(&model.to_json(), "test").unwrap();
+    assert_eq!(again, model);
 }
 
 #[test]
 fn labels_are_a_phase_too_and_threads_do_not_matter() {
     let source = gait(9_000, 2, 0.5, 2);
     let options = options("refined:3", Some(PhaseKind::Labels(DataColumn::float("mode"))));
-    let found = with_threads(1, || run("phase", &options, &source).model);
-    let phases = regions(&found).phases.as_ref().unwrap();
+    let on_one_thread = with_threads(1, || run("phase", &options, &source).model);
+    let phases = regions(&on_one_thread).phases.as_ref().unwrap();
     assert_eq!(phases.bins, PhaseBins::Labels(vec!["0".into(), "1".into(), "2".into()]));
     assert!((phases.rows_of_a_stride() * RATE - 1.0).abs() < 0.01);
     for threads in [2, 7] {
         let other = with_threads(threads, || run("phase", &options, &source).model);
-        assert_eq!(other.to_json(), found.to_json(), "{threads} threads");
+        assert_eq!(other.to_json(), on_one_thread.to_json(), "{threads} threads");
     }
     // A phase changes nothing but what is told of it.
     let mut without = options;
     without.phase = None;
     let mut plain = run("phase", &without, &source).model;
-    plain.partitions[0].phases.clone_from(&found.partitions[0].phases);
-    assert_eq!(plain, found);
+    plain.partitions[0].phases.clone_from(&on_one_thread.partitions[0].phases);
+    assert_eq!(plain, on_one_thread);
 }
 
 #[test]
@@ -161,8 +162,8 @@ fn what_is_no_phase_is_refused() {
 
 /// Modes 1 and 2 as they are, on rows of one episode.
 fn pair(differs: f64, seed: u64) -> RegionPair {
-    let found = run("x", &options("labels:mode", Some(CYCLE)), &gait(600, 1, differs, seed)).model;
-    let pairs = &regions(&found).pairs;
+    let model = run("x", &options("labels:mode", Some(CYCLE)), &gait(600, 1, differs, seed)).model;
+    let pairs = &regions(&model).pairs;
     assert_eq!(pairs.iter().map(|pair| pair.regions).collect::<Vec<_>>(), [[0, 1], [0, 2], [1, 2]]);
     assert!(pairs[..2].iter().all(|pair| pair.p < 1e-9), "mode 0 is another one");
     pairs[2]
@@ -201,31 +202,31 @@ fn slow(rows: usize, seed: u64) -> MemorySource {
 
 #[test]
 fn correlated_rows_do_not_tell_regions_of_one_map_apart() {
-    let found = |seed: u64| {
+    let shares_of_pairs = |seed: u64| {
         let fitted = run("x", &options("labels:mode", Some(CYCLE)), &slow(8_000, seed));
         // Of one map for both the residuals are those of one region, up to what chance fits.
         let pair = regions(&fitted.model).pairs[0];
         (pair.p, pair.statistic / fitted.effective_rows * 8_000.0)
     };
-    let found: Vec<(f64, f64)> = (0..200).map(found).collect();
-    let below = found.iter().filter(|(p, _)| *p < 0.05).count();
+    let shares: Vec<(f64, f64)> = (0..200).map(shares_of_pairs).collect();
+    let below = shares.iter().filter(|(p, _)| *p < 0.05).count();
     // Of 200 tests 10 are below 0.05 by chance, and 20 or more in less than three of a thousand cases. Correlated rows that all count would say so far more often: 7.81 is the
     // quantile of three degrees of freedom.
-    let naive = found.iter().filter(|(_, statistic)| *statistic > 7.81).count();
+    let naive = shares.iter().filter(|(_, statistic)| *statistic > 7.81).count();
     assert!(below < 20 && naive > 40, "{below} {naive}");
 }
 
 #[test]
 fn a_lattice_joins_by_the_same_growth() {
-    let found = run("phase", &options("average,lattice:2", None), &gait(6_000, 1, 0.0, 3));
-    let model = found.models.first().unwrap_or(&found.model);
-    let own = regions(model);
-    let lattice = own.lattice.as_ref().unwrap();
-    let [pair] = own.pairs.as_slice() else { panic!("one pair of two regions") };
+    let identification = run("phase", &options("average,lattice:2", None), &gait(6_000, 1, 0.0, 3));
+    let model = identification.models.first().unwrap_or(&identification.model);
+    let regions = regions(model);
+    let lattice = regions.lattice.as_ref().unwrap();
+    let [pair] = regions.pairs.as_slice() else { panic!("one pair of two regions") };
     // Of one target the ratio of determinants is that of the errors, which the tree knows of its joins.
     let error =
         |regions: usize| lattice.levels.iter().find(|level| level.regions == regions).map(|level| level.training);
-    let expected = found.effective_rows * (lattice.joins[0].training / error(2).unwrap()).ln();
+    let expected = identification.effective_rows * (lattice.joins[0].training / error(2).unwrap()).ln();
     // The test weighs regions by their noise, which is the same up to chance: some hundredths.
     assert!((pair.statistic / expected - 1.0).abs() < 0.05, "{} {expected}", pair.statistic);
 }

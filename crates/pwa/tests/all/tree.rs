@@ -34,9 +34,14 @@ fn tree(rule: &Rule) -> &Tree {
 #[test]
 fn cuts_and_depth_of_the_truth_are_found() {
     let rows = boxes(3000, 0.1, 1);
-    let found = run(&problem(3), &options("average,kmeans:3,10,tree:1..5", 5), &source(&rows, 1));
-    assert_eq!(found.candidates[found.chosen].specification, Specification::Tree(2), "{:?}", found.candidates);
-    let partition = &found.model.partitions[0];
+    let identification = run(&problem(3), &options("average,kmeans:3,10,tree:1..5", 5), &source(&rows, 1));
+    assert_eq!(
+        identification.candidates[identification.chosen].specification,
+        Specification::Tree(2),
+        "{:?}",
+        identification.candidates
+    );
+    let partition = &identification.model.partitions[0];
     // Columns are cut as they are.
     assert_eq!((&partition.centre, &partition.scale), (&vec![0.0; 3], &vec![1.0; 3]));
     let cuts = &tree(&partition.rule).cuts;
@@ -45,14 +50,14 @@ fn cuts_and_depth_of_the_truth_are_found() {
     // Rows are 0.0013 apart, of the upper half 0.0027.
     assert!((cuts[0].threshold - 0.3).abs() < 0.01 && (cuts[1].threshold + 1.0).abs() < 0.02, "{cuts:?}");
     // The held-out loss is that of the noise and of a row or two at a border.
-    let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
-    let noise = 0.01 / (found.sigma[0] * found.sigma[0]);
+    let losses: Vec<f64> = identification.candidates.iter().map(|score| score.loss).collect();
+    let noise = 0.01 / (identification.sigma[0] * identification.sigma[0]);
     assert!(losses[4] < 3.0 * noise && losses[4] < 0.05 * losses[2], "{losses:?} {noise}");
     // Deeper trees have the same cuts: more do not pay.
-    assert!(found.candidates[4..].iter().all(|score| score.regions == 3), "{:?}", found.candidates);
-    let [p, q] = [1, 2].map(|region| &found.model.latents[0].affine().unwrap().coefficients[region]);
+    assert!(identification.candidates[4..].iter().all(|score| score.regions == 3), "{:?}", identification.candidates);
+    let [p, q] = [1, 2].map(|region| &identification.model.latents[0].affine().unwrap().coefficients[region]);
     assert!((p[0] + 2.0).abs() < 0.05 && (p[1] - 0.5).abs() < 0.05 && (q[2] - 1.0).abs() < 0.05, "{p:?} {q:?}");
-    assert!(found.model.partitions[0].transitions.is_some());
+    assert!(identification.model.partitions[0].transitions.is_some());
 }
 
 #[test]
@@ -60,9 +65,9 @@ fn noise_has_no_cuts_that_hold_out() {
     let mut random = Pcg64::seed_from_u64(3);
     let rows: Vec<Row> =
         (0..900).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
-    let found = run(&problem(2), &options("average,tree:3", 5), &source(&rows, 1));
-    assert_eq!(found.candidates[1].regions, 1, "{:?}", found.candidates);
-    assert!((found.candidates[0].loss - found.candidates[1].loss).abs() < 1e-12);
+    let identification = run(&problem(2), &options("average,tree:3", 5), &source(&rows, 1));
+    assert_eq!(identification.candidates[1].regions, 1, "{:?}", identification.candidates);
+    assert!((identification.candidates[0].loss - identification.candidates[1].loss).abs() < 1e-12);
 }
 
 #[test]
@@ -79,11 +84,12 @@ fn the_trees_of_labels_are_their_own() {
         (vec![x[0], x[1], ground], y + 0.01 * normal(&mut random))
     };
     let rows: Vec<Row> = (0..1800).map(&mut row).collect();
-    let found = run(&problem(2), &options("tree:3,labels:x2,labels:x2+tree:2", 4), &source(&rows, 3));
-    let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
+    let identification = run(&problem(2), &options("tree:3,labels:x2,labels:x2+tree:2", 4), &source(&rows, 3));
+    let losses: Vec<f64> = identification.candidates.iter().map(|score| score.loss).collect();
     assert!(losses[2] < 0.05 && losses[2] < 0.2 * losses[1], "{losses:?}");
-    let partition = &found.model.partitions[0];
-    let names: Vec<&str> = found.model.summaries[0].regions.iter().map(|region| region.name.as_str()).collect();
+    let partition = &identification.model.partitions[0];
+    let names: Vec<&str> =
+        identification.model.summaries[0].regions.iter().map(|region| region.name.as_str()).collect();
     assert_eq!(names, ["0/0", "0/1", "1", "2/0", "2/1"]);
     let Rule::Labels { rules, .. } = &partition.rule else { panic!("{:?}", partition.rule) };
     assert_eq!((tree(&rules[0]).cuts[0].column, &rules[1], tree(&rules[2]).cuts[0].column), (0, &Rule::Whole, 1));
@@ -100,19 +106,23 @@ fn a_sample_is_cut_and_all_rows_are_fitted() {
     let rows = boxes(20_000, 0.1, 2);
     let mut small = options("tree:2", 0);
     small.memory = 2_000 * 192;
-    let found = run(&problem(3), &small, &source(&rows, 1));
-    assert!(found.notes.iter().any(|note| note.contains("tree:2: grown on a sample of")), "{:?}", found.notes);
-    assert_eq!(found.model.summaries[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
-    let cuts = &tree(&found.model.partitions[0].rule).cuts;
+    let identification = run(&problem(3), &small, &source(&rows, 1));
+    assert!(
+        identification.notes.iter().any(|note| note.contains("tree:2: grown on a sample of")),
+        "{:?}",
+        identification.notes
+    );
+    assert_eq!(identification.model.summaries[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
+    let cuts = &tree(&identification.model.partitions[0].rule).cuts;
     assert!(cuts.len() == 2 && (cuts[0].threshold - 0.3).abs() < 0.02, "{cuts:?}");
 }
 
 #[test]
 fn partitions_alone_are_those_of_the_regression() {
     let source = source(&boxes(900, 0.1, 9), 1);
-    let found = partition(&problem(3), &options("tree:1,tree:3", 5), &source, &Silent).unwrap();
+    let partitions = partition(&problem(3), &options("tree:1,tree:3", 5), &source, &Silent).unwrap();
     let fitted = identify(&problem(3), &options("tree:3", 0), &source, &Silent).unwrap();
-    assert_eq!(found.partitions[1].1.rule, fitted.model.partitions[0].rule);
+    assert_eq!(partitions.partitions[1].1.rule, fitted.model.partitions[0].rule);
 }
 
 proptest! {

@@ -60,8 +60,8 @@ fn partitions_alone_do_not_ask_for_the_scale_of_weights() {
     for specification in ["refined:4", "lattice:4", "tree:4"] {
         let options = options(specification, 0);
         let of = |weight: &str| partition(&weighted(weight), &options, &rows, &Silent).unwrap().partitions;
-        let rules = |found: Vec<(Specification, _)>| -> Vec<fleetfoot_model::Partition> {
-            found.into_iter().map(|(_, partition)| partition).collect()
+        let rules = |partitions: Vec<(Specification, _)>| -> Vec<fleetfoot_model::Partition> {
+            partitions.into_iter().map(|(_, partition)| partition).collect()
         };
         assert_eq!(rules(of("(1 + x0^2)/1073741824")), rules(of("(1 + x0^2)*64")), "{specification}");
     }
