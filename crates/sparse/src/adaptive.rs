@@ -43,10 +43,10 @@ pub fn adaptive(
     if !columns.is_empty() {
         return Err(SparseError::NeedsRidge { columns });
     }
-    let (found, _) = factor.solutions();
+    let (solution, _) = factor.solutions();
     let deviation = problem.deviation();
     let mut factors = vec![f64::INFINITY; p];
-    for (&j, &delta) in factor.order.iter().zip(&found) {
+    for (&j, &delta) in factor.order.iter().zip(&solution) {
         let base = penalty.factors.get(j).copied().unwrap_or(1.0);
         let unit = if penalty.standardise { deviation[j] } else { 1.0 };
         let size = (unit * problem.raw(j, delta)).abs().powf(exponent);

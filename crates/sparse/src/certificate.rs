@@ -56,8 +56,8 @@ pub fn certificate(
     let weights = Weights::new(problem, penalty)?;
     let p = problem.columns();
     if coefficients.len() != p {
-        let (what, found) = ("the coefficients", coefficients.len());
-        return Err(SparseError::Length { what, found, expected: p });
+        let (what, count) = ("the coefficients", coefficients.len());
+        return Err(SparseError::Length { what, found: count, expected: p });
     }
     if let Some(column) = coefficients.iter().position(|value| !value.is_finite()) {
         return Err(SparseError::ColumnNotFinite { column });
@@ -65,12 +65,12 @@ pub fn certificate(
     let size = problem.target_length();
     let delta = Slab::from_fn(p, 1, |j, _| coefficients[j] * (problem.length[j] / size));
     let shape = Columns { weights: &weights, l1: strength.l1 / weights.tau, l2: strength.l2 };
-    let mut found = certify(problem, &weights, strength.l2, &[shape], &delta);
+    let mut certificate = certify(problem, &weights, strength.l2, &[shape], &delta);
     // A column that takes no part has no place in correlation form.
     if (0..p).any(|j| coefficients[j] != 0.0 && !weights.used(j)) {
-        found[0].0.kkt = f64::INFINITY;
+        certificate[0].0.kkt = f64::INFINITY;
     }
-    Ok(found[0].0)
+    Ok(certificate[0].0)
 }
 
 /// Certificates and squared residuals (unit target) of coefficients in correlation form, one column and one shape of the penalty a problem; `l2` is the weight of
@@ -95,12 +95,12 @@ pub(crate) fn certify<S: Shape>(
         };
         (point.certificate(), rss[k])
     };
-    let mut found = vec![None; shapes.len()];
+    let mut certificates = vec![None; shapes.len()];
     let at_once = (PIECE / problem.columns().max(1)).max(1);
-    parallel_pieces(&mut found, at_once, |piece, found| {
-        found.iter_mut().zip(piece * at_once..).for_each(|(found, k)| *found = Some(certify(k)));
+    parallel_pieces(&mut certificates, at_once, |piece, part| {
+        part.iter_mut().zip(piece * at_once..).for_each(|(certificate, k)| *certificate = Some(certify(k)));
     });
-    found.into_iter().flatten().collect()
+    certificates.into_iter().flatten().collect()
 }
 
 /// Coefficients with all that is known about them, in correlation form.
@@ -187,9 +187,9 @@ impl<S: Shape> Point<'_, S> {
             matrix[(k, k)] = 1.0 + self.l2 * self.weights.rho[j];
         }
         let wanted: Vec<f64> = columns.iter().map(|&j| excess[j]).collect();
-        let found = cholesky::solve(&matrix, &wanted, 8.0 * f64::EPSILON * (p + 1) as f64);
+        let solution = cholesky::solve(&matrix, &wanted, 8.0 * f64::EPSILON * (p + 1) as f64);
         let mut step = vec![0.0; p];
-        columns.iter().zip(&found).for_each(|(&j, value)| step[j] = *value);
+        columns.iter().zip(&solution).for_each(|(&j, value)| step[j] = *value);
         step
     }
 

@@ -101,15 +101,15 @@ impl GrowingFactor {
 
     /// Columns join behind those that are there: entries of the matrix with these (k x a), and with each other (a x a). False, and nothing done, where the square
     /// of a pivot would be below `level` of the diagonal.
-    pub(crate) fn append(&mut self, mut with: Mat<f64>, own: Mat<f64>, level: f64) -> bool {
-        let (k, a) = (self.columns, own.nrows());
+    pub(crate) fn append(&mut self, mut with: Mat<f64>, corner: Mat<f64>, level: f64) -> bool {
+        let (k, a) = (self.columns, corner.nrows());
         if a == 0 {
             return true;
         }
-        let diagonal: Vec<f64> = (0..a).map(|i| own[(i, i)]).collect();
+        let diagonal: Vec<f64> = (0..a).map(|i| corner[(i, i)]).collect();
         // L^-1 of the entries, and what it leaves of the new ones.
         solve_lower_triangular_in_place(self.lower(), with.as_mut(), Par::Seq);
-        let mut left = own;
+        let mut left = corner;
         triangular::matmul(
             left.as_mut(),
             BlockStructure::TriangularLower,
@@ -233,9 +233,9 @@ mod tests {
         let entry = |i: usize, j: usize| (-0.1 * (i as f64 - j as f64).abs()).exp() + f64::from(u8::from(i == j));
         let matrix = Mat::from_fn(k, k, entry);
         let b: Vec<f64> = (0..k).map(|i| (0.3 * i as f64).sin()).collect();
-        let found = Factor::of(matrix.clone(), 1e-14).expect("definite").solve(&b);
+        let solution = Factor::of(matrix.clone(), 1e-14).expect("definite").solve(&b);
         for i in 0..k {
-            let product: f64 = (0..k).map(|j| matrix[(i, j)] * found[j]).sum();
+            let product: f64 = (0..k).map(|j| matrix[(i, j)] * solution[j]).sum();
             assert!((product - b[i]).abs() < 1e-12);
         }
         let mut singular = matrix;
@@ -270,8 +270,8 @@ mod tests {
             assert!(factor.append(part(&order, joining), part(joining, joining), 1e-14));
             order.extend(joining);
             let b: Vec<f64> = (0..order.len()).map(|i| i as f64 - 1.5).collect();
-            let (found, expected) = (factor.solve(&b), solve(&part(&order, &order), &b, 1e-14));
-            assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{order:?}");
+            let (solution, expected) = (factor.solve(&b), solve(&part(&order, &order), &b, 1e-14));
+            assert!(solution.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{order:?}");
         }
         // A column once more.
         assert!(!factor.append(part(&order, &[6]), part(&[6], &[6]), 1e-14));
@@ -286,16 +286,16 @@ mod tests {
         let x = Mat::from_fn(6, 4, |i, j| x[(i, column(j))]);
         let matrix = x.transpose() * &x;
         let b: Vec<f64> = (0..4).map(|j| (0..6).map(|i| x[(i, j)] * (i as f64 - 2.0)).sum()).collect();
-        let found = solve(&matrix, &b, 1e-14);
-        assert_eq!(found[2], 0.0);
+        let solution = solve(&matrix, &b, 1e-14);
+        assert_eq!(solution[2], 0.0);
         for i in 0..4 {
-            let product: f64 = (0..4).map(|j| matrix[(i, j)] * found[j]).sum();
+            let product: f64 = (0..4).map(|j| matrix[(i, j)] * solution[j]).sum();
             assert!((product - b[i]).abs() < 1e-13);
         }
         // The same without the copy, by the other way.
         let kept = [0, 1, 3];
         let small = Mat::from_fn(3, 3, |i, j| matrix[(kept[i], kept[j])]);
         let direct = solve(&small, &kept.map(|j| b[j]), 1e-14);
-        assert!(kept.iter().zip(&direct).all(|(&j, value)| (found[j] - value).abs() < 1e-12));
+        assert!(kept.iter().zip(&direct).all(|(&j, value)| (solution[j] - value).abs() < 1e-12));
     }
 }

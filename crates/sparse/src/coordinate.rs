@@ -60,8 +60,8 @@ pub fn coordinate_descent(
     lambdas: &[f64],
     options: &CoordinateOptions,
 ) -> Result<Vec<Solution>, SparseError> {
-    let found = descend(problem, penalty, lambdas, options, None)?;
-    Ok(found.into_iter().map(|found| found.solution).collect())
+    let path = descend(problem, penalty, lambdas, options, None)?;
+    Ok(path.into_iter().map(|point| point.solution).collect())
 }
 
 /// As [`coordinate_descent`], the first lambda started from the coefficients `start` (p, raw units) instead of zeros. Where a coefficient may not have its

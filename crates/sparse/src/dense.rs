@@ -160,9 +160,9 @@ impl DenseDesign {
     ) -> Result<Self, DenseError> {
         let n = rows.rows();
         let given = [("the row weights", weights.as_ref().map_or(n, Vec::len)), ("the groups", labels.len())];
-        for (what, found) in given {
-            if found != n && !(found == 0 && what == "the groups") {
-                return Err(SparseError::Length { what, found, expected: n }.into());
+        for (what, length) in given {
+            if length != n && !(length == 0 && what == "the groups") {
+                return Err(SparseError::Length { what, found: length, expected: n }.into());
             }
         }
         if let Some(weights) = &weights
@@ -282,8 +282,8 @@ impl DenseDesign {
     ) -> Result<Vec<f64>, DenseError> {
         let (p, k, targets) = (self.regressors(), intercepts.len(), self.targets());
         if coefficients.len() != p * k {
-            let (what, found) = ("the coefficients", coefficients.len());
-            return Err(SparseError::Length { what, found, expected: p * k }.into());
+            let (what, count) = ("the coefficients", coefficients.len());
+            return Err(SparseError::Length { what, found: count, expected: p * k }.into());
         }
         if target >= targets {
             return Err(SparseError::NoSuchTarget { target, targets }.into());

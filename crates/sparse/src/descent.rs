@@ -72,9 +72,9 @@ impl Small {
             if self.violation(delta, &gradient) <= tolerance {
                 // The gradient was updated along the way: the verdict is that of a fresh one.
                 gradient = self.gradient(delta);
-                let found = self.violation(delta, &gradient);
-                if found <= tolerance {
-                    self.finish(delta, found);
+                let violation = self.violation(delta, &gradient);
+                if violation <= tolerance {
+                    self.finish(delta, violation);
                     return (true, epoch);
                 }
             }

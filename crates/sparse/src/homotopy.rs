@@ -134,8 +134,8 @@ impl<'a> Homotopy<'a> {
             return;
         }
         let zero = |&(_, delta): &(usize, f64)| delta == 0.0;
-        let found = self.coefficients(lambda);
-        for (j, _) in found.iter().filter(|pair| zero(pair)) {
+        let coefficients = self.coefficients(lambda);
+        for (j, _) in coefficients.iter().filter(|pair| zero(pair)) {
             if self.side[*j] != 0.0 {
                 self.remove(*j);
             }

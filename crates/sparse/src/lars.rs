@@ -96,8 +96,8 @@ pub(crate) fn lasso_at(problem: &Quadratic, penalty: &Penalty, lambda: f64) -> R
     let options = LarsOptions { lambda_min: lambda, ..LarsOptions::default() };
     let (mut points, _) = follow(problem, &mut homotopy, &weights, &options);
     let last = points.pop().filter(|point| point.l1 == lambda);
-    let found = finish(problem, &weights, last.into_iter().collect());
-    Ok(found.into_iter().next().filter(|solution| solution.certificate.kkt <= CERTIFIED))
+    let solution = finish(problem, &weights, last.into_iter().collect());
+    Ok(solution.into_iter().next().filter(|solution| solution.certificate.kkt <= CERTIFIED))
 }
 
 fn follow(

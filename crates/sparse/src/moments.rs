@@ -65,10 +65,10 @@ impl Quadratic {
         let mut length = vec![0.0; p];
         for j in 0..p {
             let column = rows.column_mut(j);
-            let found = norm(column.iter().copied());
-            length[j] = if found > noise[j] { found } else { 0.0 };
-            noise[j] = if length[j] > 0.0 { noise[j] / found } else { 0.0 };
-            column.iter_mut().for_each(|value| *value = if length[j] > 0.0 { *value / found } else { 0.0 });
+            let norm = norm(column.iter().copied());
+            length[j] = if norm > noise[j] { norm } else { 0.0 };
+            noise[j] = if length[j] > 0.0 { noise[j] / norm } else { 0.0 };
+            column.iter_mut().for_each(|value| *value = if length[j] > 0.0 { *value / norm } else { 0.0 });
         }
         let size = if size > least { size } else { 0.0 };
         z.iter_mut().for_each(|value| *value = if size > 0.0 { *value / size } else { 0.0 });
@@ -133,9 +133,9 @@ impl Quadratic {
     /// When n is not positive, the shapes disagree, or the moments are not finite or not those of any rows.
     pub fn from_products(gram: MatRef<'_, f64>, xy: &[f64], yy: f64, n: f64) -> Result<Self, SparseError> {
         let p = xy.len();
-        for found in [gram.nrows(), gram.ncols()] {
-            if found != p {
-                return Err(SparseError::Length { what: "the Gram matrix", found, expected: p });
+        for size in [gram.nrows(), gram.ncols()] {
+            if size != p {
+                return Err(SparseError::Length { what: "the Gram matrix", found: size, expected: p });
             }
         }
         Self::of_moments(n, None, Slab::from_fn(p, p, |i, j| gram[(i, j)]), xy.to_vec(), yy, false)

@@ -141,8 +141,8 @@ pub(crate) trait PathSolver {
     ) -> Result<Vec<Descended>, SparseError>;
 
     fn solutions(&self, problem: &Quadratic, penalty: &Penalty, lambdas: &[f64]) -> Result<Vec<Solution>, SparseError> {
-        let found = self.descend(problem, penalty, lambdas, None)?;
-        Ok(found.into_iter().map(|found| found.solution).collect())
+        let path = self.descend(problem, penalty, lambdas, None)?;
+        Ok(path.into_iter().map(|point| point.solution).collect())
     }
 
     fn path(&self, problem: &Quadratic, penalty: &Penalty, stop: &Stop) -> Result<Path, SparseError>;
@@ -201,16 +201,16 @@ impl Path {
         }
         if !self.linear {
             check_strength("lambda", lambda)?;
-            let mut found = self.estimator.solutions(problem, &self.penalty, &[lambda])?;
-            return Ok(found.remove(0));
+            let mut solutions = self.estimator.solutions(problem, &self.penalty, &[lambda])?;
+            return Ok(solutions.remove(0));
         }
         let raw = self.coefficients(lambda)?;
         let size = problem.target_length();
         let delta = raw.iter().enumerate().filter(|(_, value)| **value != 0.0);
         let delta = delta.map(|(j, value)| (j, value * (problem.length[j] / size))).collect();
         let weights = Weights::new(problem, &self.penalty)?;
-        let mut found = finish(problem, &weights, vec![Point { l1: lambda, l2: self.l2, delta, converged: true }]);
-        Ok(found.remove(0))
+        let mut solutions = finish(problem, &weights, vec![Point { l1: lambda, l2: self.l2, delta, converged: true }]);
+        Ok(solutions.remove(0))
     }
 }
 
@@ -251,11 +251,11 @@ impl PathSolver for ElasticNet {
     fn at(&self, problem: &Quadratic, penalty: &Penalty, lambda: f64) -> Result<(Solution, Path), SparseError> {
         let Strength { l1, l2 } = Strength::elastic_net(lambda, self.l1_ratio);
         let path = lars(problem, penalty, &LarsOptions { lambda_min: l1, l2, ..LarsOptions::default() })?;
-        let found = match path.at(problem, l1) {
+        let solution = match path.at(problem, l1) {
             Ok(solution) => solution,
             Err(_) => self.solutions(problem, penalty, &[lambda])?.remove(0),
         };
-        Ok((found, path))
+        Ok((solution, path))
     }
 
     fn knots(

@@ -111,9 +111,9 @@ pub(crate) struct Weights {
 impl Weights {
     pub(crate) fn new(problem: &Quadratic, penalty: &Penalty) -> Result<Self, SparseError> {
         let p = problem.columns();
-        for (what, found) in [("the penalty factors", penalty.factors.len()), ("the signs", penalty.signs.len())] {
-            if found != 0 && found != p {
-                return Err(SparseError::Length { what, found, expected: p });
+        for (what, length) in [("the penalty factors", penalty.factors.len()), ("the signs", penalty.signs.len())] {
+            if length != 0 && length != p {
+                return Err(SparseError::Length { what, found: length, expected: p });
             }
         }
         if let Some(column) = penalty.factors.iter().position(|factor| factor.is_nan() || *factor < 0.0) {

@@ -165,23 +165,23 @@ struct Exchange {
 
 impl Exchange {
     fn of(small: &Small, delta: &mut [f64], gradient: &[f64], tolerance: f64, side: &[f64]) -> Self {
-        let mut found = Self { side: side.to_vec(), ..Self::default() };
+        let mut state = Self { side: side.to_vec(), ..Self::default() };
         for j in (0..side.len()).filter(|&j| small.watched(j)) {
             if side[j] != 0.0 {
                 if side[j] * delta[j] <= 0.0 {
-                    (found.side[j], delta[j]) = (0.0, 0.0);
-                    found.changes += 1;
+                    (state.side[j], delta[j]) = (0.0, 0.0);
+                    state.changes += 1;
                 }
                 continue;
             }
             let violation = violation(small.signs[j], small.limit[j], 0.0, gradient[j]);
             if violation > tolerance {
-                found.entering.push((violation, j, gradient[j].signum()));
+                state.entering.push((violation, j, gradient[j].signum()));
             }
         }
-        found.changes += found.entering.len();
-        found.entering.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        found
+        state.changes += state.entering.len();
+        state.entering.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        state
     }
 
     /// The signs when at most so many have entered.
@@ -221,20 +221,20 @@ mod tests {
             let (mut pivots, mut delta) = (Pivots::default(), vec![0.0; 90]);
             // Not all columns, so that places and columns differ.
             let working: Vec<usize> = (0..90).map(|at| 3 * at + 1).collect();
-            let mut found = 0;
+            let mut count = 0;
             for limit in [1.0, 0.4, 0.2, 0.1, 0.03, 0.01, 0.3] {
                 let small = problem(90, limit, sign);
                 let mut swept = delta.clone();
                 assert!(small.minimise(&mut swept, 1e-12, 10_000).0);
                 let rounds = pivots.minimise(&small, (&working, 0.0), &mut delta, 1e-12, 100);
-                found += usize::from(rounds.is_some());
+                count += usize::from(rounds.is_some());
                 if rounds.is_none() {
                     delta.copy_from_slice(&swept);
                 }
                 assert!(small.violation(&delta, &small.gradient(&delta)) <= 1e-12);
                 assert!(delta.iter().zip(&swept).all(|(a, b)| (a - b).abs() < 1e-10), "{sign:?} {limit}");
             }
-            assert!(found > 4, "{found}");
+            assert!(count > 4, "{count}");
         }
     }
 

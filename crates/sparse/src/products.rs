@@ -206,14 +206,14 @@ impl Pairs {
         } else {
             let columns = gathered(rows, &self.joined[first..]);
             let mut panels: Vec<&[usize]> = self.joined.chunks(PANEL).collect();
-            let found = parallel_pieces(&mut panels, 1, |_, panel| {
+            let pieces = parallel_pieces(&mut panels, 1, |_, panel| {
                 checkpoint();
                 let mut products = Mat::zeros(panel[0].len(), last - first);
                 let left = gathered(rows, panel[0]);
                 matmul(products.as_mut(), Accum::Replace, left.transpose(), &columns, 1.0, Par::Seq);
                 products
             });
-            for (panel, products) in found.iter().enumerate() {
+            for (panel, products) in pieces.iter().enumerate() {
                 for (k, products) in products.col_iter().enumerate() {
                     let column = &mut self.matrix.column_mut(first + k)[panel * PANEL..];
                     column.iter_mut().zip(products.iter()).for_each(|(entry, product)| *entry = *product);
@@ -263,20 +263,23 @@ mod tests {
             let mut column = vec![0.0; problem.target_correlations().len()];
             for j in [0, 2, 5, 6] {
                 problem.correlations_of(j, &mut column);
-                let mut found = [0.0; 4];
-                products.with(j, &[0, 2, 5, 6], &mut found);
-                [0, 2, 5, 6].iter().zip(found).for_each(|(&i, found)| assert!((found - column[i]).abs() < 1e-14));
+                let mut computed = [0.0; 4];
+                products.with(j, &[0, 2, 5, 6], &mut computed);
+                [0, 2, 5, 6]
+                    .iter()
+                    .zip(computed)
+                    .for_each(|(&i, product)| assert!((product - column[i]).abs() < 1e-14));
             }
             let mut delta = vec![0.0; p];
             (delta[2], delta[6]) = (0.7, -0.2);
-            let (target, mut found) = (problem.target_correlations(), problem.target_correlations());
-            products.left(&delta, &target, &mut found);
+            let (target, mut correlations) = (problem.target_correlations(), problem.target_correlations());
+            products.left(&delta, &target, &mut correlations);
             let mut expected = target.clone();
             for j in [2, 6] {
                 problem.correlations_of(j, &mut column);
                 (0..p).for_each(|i| expected[i] -= delta[j] * column[i]);
             }
-            (0..p).for_each(|i| assert!((found[i] - expected[i]).abs() < 1e-14));
+            (0..p).for_each(|i| assert!((correlations[i] - expected[i]).abs() < 1e-14));
         }
     }
 
@@ -294,8 +297,8 @@ mod tests {
             let joined = products.joined().unwrap();
             for &j in joined.iter().step_by(3) {
                 for &i in joined {
-                    let (found, back) = (products.pair(i, j), products.pair(j, i));
-                    assert!((found - direct(i, j)).abs() < 1e-14 && found == back, "{i} {j}");
+                    let (pair, back) = (products.pair(i, j), products.pair(j, i));
+                    assert!((pair - direct(i, j)).abs() < 1e-14 && pair == back, "{i} {j}");
                 }
             }
             joined.to_vec()

@@ -48,9 +48,9 @@ impl Quadratic {
         compressed: bool,
     ) -> Result<Self, SparseError> {
         let (n, p) = x.shape();
-        for (what, found) in [("the target", y.len()), ("the row weights", weights.map_or(n, <[f64]>::len))] {
-            if found != n {
-                return Err(SparseError::Length { what, found, expected: n });
+        for (what, length) in [("the target", y.len()), ("the row weights", weights.map_or(n, <[f64]>::len))] {
+            if length != n {
+                return Err(SparseError::Length { what, found: length, expected: n });
             }
         }
         let weight = |row: usize| weights.map_or(1.0, |weights| weights[row]);
@@ -145,10 +145,10 @@ impl Centring {
 
     /// As [`Centring::column`], and divided by its length: what [`Centring::problem_of_unit_columns`] takes.
     pub(crate) fn unit_column(&self, values: &[f64], out: &mut [f64]) -> Centred {
-        let found = self.column(values, out);
-        let length = if found.length > self.noise(found) { found.length } else { 0.0 };
+        let column = self.column(values, out);
+        let length = if column.length > self.noise(column) { column.length } else { 0.0 };
         out.iter_mut().for_each(|value| *value = if length > 0.0 { *value / length } else { 0.0 });
-        found
+        column
     }
 
     /// Rounding of a column.
@@ -198,13 +198,13 @@ impl Centring {
             return Err(SparseError::ColumnNotFinite { column });
         }
         let mut z = vec![0.0; stride];
-        let found = self.column(target, &mut z[..self.rows]);
-        if !found.length.is_finite() {
+        let column = self.column(target, &mut z[..self.rows]);
+        if !column.length.is_finite() {
             return Err(SparseError::TargetNotFinite);
         }
         let x = || columns.iter().map(|column| column.mean).collect();
-        let means = self.intercept.then(|| Means { x: x(), y: found.mean });
-        Ok(Around { means, z, size: (found.length, self.level * self.total.sqrt() * found.mean.abs()) })
+        let means = self.intercept.then(|| Means { x: x(), y: column.mean });
+        Ok(Around { means, z, size: (column.length, self.level * self.total.sqrt() * column.mean.abs()) })
     }
 }
 

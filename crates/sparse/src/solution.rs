@@ -93,7 +93,7 @@ pub(crate) fn finish_shaped<S: Shape>(
             }
             let shapes: Vec<S> = batch.iter().map(&shape).collect();
             let certified = certify(problem, weights, batch[0].l2, &shapes, &delta);
-            let finished = batch.iter().zip(certified).map(|(point, found)| solution(problem, point, found));
+            let finished = batch.iter().zip(certified).map(|(point, certified)| solution(problem, point, certified));
             solutions.extend(finished);
         }
     }

@@ -17,9 +17,9 @@ impl Quadratic {
         let first = problems.first().ok_or(SparseError::NoRows)?;
         let p = first.columns();
         for other in problems {
-            let found = other.columns();
-            if found != p {
-                return Err(SparseError::OtherProblem { found, expected: p });
+            let columns = other.columns();
+            if columns != p {
+                return Err(SparseError::OtherProblem { found: columns, expected: p });
             }
             if other.weight != first.weight {
                 return Err(SparseError::OtherRows { found: other.weight, expected: first.weight });
@@ -81,8 +81,8 @@ fn stacked_products(problems: &[Quadratic], share: &[f64]) -> Form {
             problem.correlations_of(j, &mut column);
             g.column_mut(t * p + j)[t * p..(t + 1) * p].copy_from_slice(&column[..p]);
         }
-        let own = problem.target_correlations();
-        c[t * p..(t + 1) * p].iter_mut().zip(&own).for_each(|(c, own)| *c = share[t] * own);
+        let correlations = problem.target_correlations();
+        c[t * p..(t + 1) * p].iter_mut().zip(&correlations).for_each(|(c, product)| *c = share[t] * product);
     }
     Form::Gram { g, c }
 }

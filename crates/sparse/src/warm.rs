@@ -29,8 +29,8 @@ pub(crate) fn lasso_from(
         return Ok(None);
     }
     let Some(delta) = exchange(problem, &weights, lambda / weights.tau, guess) else { return Ok(None) };
-    let found = finish(problem, &weights, vec![Point { l1: lambda, l2: 0.0, delta, converged: true }]);
-    Ok(found.into_iter().next().filter(|solution| solution.certificate.kkt <= CERTIFIED))
+    let solution = finish(problem, &weights, vec![Point { l1: lambda, l2: 0.0, delta, converged: true }]);
+    Ok(solution.into_iter().next().filter(|solution| solution.certificate.kkt <= CERTIFIED))
 }
 
 /// Coefficients in correlation form.

@@ -33,11 +33,11 @@ pub fn block_bootstrap(
     let whole = whole.into_iter().flatten().flat_map(|fitted| fitted.coefficients.into_iter().enumerate());
     let guess: Vec<(usize, f64)> =
         whole.filter(|(_, value)| *value != 0.0).map(|(j, value)| (j, value.signum())).collect();
-    let found = joint.resample(
+    let resampled = joint.resample(
         options.replicates,
         progress,
         |replicate| multinomial_counts(options.seed, replicate, units),
         |sums| Ok(joint.frame.fit(sums, options.lambda, Some(&guess))?),
     )?;
-    Selection::of(&found, structure.coefficients(), options.threshold)
+    Selection::of(&resampled, structure.coefficients(), options.threshold)
 }

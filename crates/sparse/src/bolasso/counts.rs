@@ -149,8 +149,8 @@ mod tests {
     }
 
     /// Distance of frequencies from probabilities that need not sum to 1: what is left is one more class.
-    fn chi_square(found: &[f64], probabilities: &[f64], n: f64) -> f64 {
-        found.iter().zip(probabilities).map(|(found, p)| (found - n * p).powi(2) / (n * p)).sum()
+    fn chi_square(counts: &[f64], probabilities: &[f64], n: f64) -> f64 {
+        counts.iter().zip(probabilities).map(|(count, p)| (count - n * p).powi(2) / (n * p)).sum()
     }
 
     fn poisson_probabilities() -> Vec<f64> {

@@ -45,13 +45,13 @@ pub fn dense_bootstrap(
     if request.counts.is_empty() {
         return Err(BolassoError::NoReplicates);
     }
-    let (found, expected) = (request.lambdas.len(), rows.targets());
-    if found != expected {
-        return Err(SparseError::Length { what: "the list of the targets' lambdas", found, expected }.into());
+    let (count, expected) = (request.lambdas.len(), rows.targets());
+    if count != expected {
+        return Err(SparseError::Length { what: "the list of the targets' lambdas", found: count, expected }.into());
     }
-    if let Some(found) = request.counts.iter().map(Vec::len).find(|&found| found != rows.rows()) {
+    if let Some(length) = request.counts.iter().map(Vec::len).find(|&length| length != rows.rows()) {
         let expected = rows.rows();
-        return Err(SparseError::Length { what: "the counts of a replicate", found, expected }.into());
+        return Err(SparseError::Length { what: "the counts of a replicate", found: length, expected }.into());
     }
     let whole = request.fit(rows, weights.map(<[f64]>::to_vec), None, progress)?;
     let replicates = parallel_map(request.counts.len(), progress, |replicate| {
@@ -89,8 +89,8 @@ impl DenseBootstrap {
     fn add(&self, fitted: &mut Fitted, problem: &Quadratic, lambda: f64, start: &[f64]) -> Result<(), SparseError> {
         let signs = if self.positive { vec![Sign::NonNegative; start.len()] } else { Vec::new() };
         let penalty = Penalty { signs, ..Penalty::default() };
-        let found = coordinate_descent_from(problem, &penalty, &[lambda], &CoordinateOptions::default(), start)?;
-        let solution = &found.first().ok_or(SparseError::NoRows)?.solution;
+        let solutions = coordinate_descent_from(problem, &penalty, &[lambda], &CoordinateOptions::default(), start)?;
+        let solution = &solutions.first().ok_or(SparseError::NoRows)?.solution;
         fitted.coefficients.extend(solution.dense(start.len()));
         fitted.coefficients.extend(self.intercept.then_some(solution.intercept));
         fitted.weight = problem.weight();
@@ -156,10 +156,10 @@ mod tests {
         let request = DenseBootstrap { lambdas, intercept: true, positive: false, counts, threshold: 1.0 };
         let run =
             |threads| with_threads(threads, || dense_bootstrap(&rows, Some(&weights), &request, &Silent).unwrap());
-        let found = run(1);
-        assert_eq!(found, run(3));
-        assert_eq!((found.empty, found.unconverged), (1, 0));
-        assert!(found.worst_kkt < 1e-9);
+        let on_one_thread = run(1);
+        assert_eq!(on_one_thread, run(3));
+        assert_eq!((on_one_thread.empty, on_one_thread.unconverged), (1, 0));
+        assert!(on_one_thread.worst_kkt < 1e-9);
         let x = Mat::from_fn(ROWS, COLUMNS, Waves::value);
         for (b, counts) in request.counts[..4].iter().enumerate() {
             let drawn: Vec<f64> = counts.iter().zip(&weights).map(|(count, weight)| count * weight).collect();
@@ -169,9 +169,12 @@ mod tests {
                 let path = lasso_at(&problem, &Penalty::default(), request.lambdas[target]).unwrap().unwrap();
                 let (dense, width) = (path.dense(COLUMNS), COLUMNS + 1);
                 (0..COLUMNS).for_each(|j| {
-                    assert!((found.coefficients[(b, target * width + j)] - dense[j]).abs() < 1e-7, "{b} {target} {j}");
+                    assert!(
+                        (on_one_thread.coefficients[(b, target * width + j)] - dense[j]).abs() < 1e-7,
+                        "{b} {target} {j}"
+                    );
                 });
-                assert!((found.coefficients[(b, target * width + COLUMNS)] - path.intercept).abs() < 1e-7);
+                assert!((on_one_thread.coefficients[(b, target * width + COLUMNS)] - path.intercept).abs() < 1e-7);
             }
         }
     }
@@ -186,8 +189,8 @@ mod tests {
             counts: vec![vec![1.0; ROWS]],
             threshold: 0.9,
         };
-        let found = dense_bootstrap(&rows, None, &good, &Silent).unwrap();
-        assert!(found.coefficients.col_iter().all(|column| column[0] >= 0.0));
+        let bootstrap = dense_bootstrap(&rows, None, &good, &Silent).unwrap();
+        assert!(bootstrap.coefficients.col_iter().all(|column| column[0] >= 0.0));
         for bad in [
             DenseBootstrap { lambdas: vec![0.1], ..good.clone() },
             DenseBootstrap { counts: vec![vec![1.0; 3]], ..good.clone() },

@@ -46,9 +46,9 @@ impl Pairs {
         let mut library_of = Vec::new();
         let one = vec![Expr::number(1.0)];
         for functions in regression.latents.iter().map(|latent| &latent.functions) {
-            let found = libraries.iter().position(|library| library == functions);
-            library_of.push(found.unwrap_or(libraries.len()));
-            if found.is_none() {
+            let index = libraries.iter().position(|library| library == functions);
+            library_of.push(index.unwrap_or(libraries.len()));
+            if index.is_none() {
                 libraries.push(functions.clone());
             }
         }

@@ -147,8 +147,8 @@ impl<'a> Frame<'a> {
     ) -> Result<Fitted, SparseError> {
         let problem = self.problem(sums)?;
         let near = guess.map_or(Ok(None), |guess| lasso_from(&problem, &self.penalty, lambda, guess))?;
-        let found = if near.is_some() { near } else { lasso_at(&problem, &self.penalty, lambda)? };
-        let (solution, stalled) = match found {
+        let solution = if near.is_some() { near } else { lasso_at(&problem, &self.penalty, lambda)? };
+        let (solution, stalled) = match solution {
             Some(solution) => (solution, false),
             None => (descend(&problem, &self.penalty, lambda)?, true),
         };
@@ -171,8 +171,8 @@ impl<'a> Frame<'a> {
 
 /// Coordinate descent at one lambda, for a path that rounding ended.
 pub(crate) fn descend(problem: &Quadratic, penalty: &Penalty, lambda: f64) -> Result<Solution, SparseError> {
-    let found = coordinate_descent(problem, penalty, &[lambda], &CoordinateOptions::default())?;
-    found.into_iter().next().ok_or(SparseError::NoRows)
+    let solutions = coordinate_descent(problem, penalty, &[lambda], &CoordinateOptions::default())?;
+    solutions.into_iter().next().ok_or(SparseError::NoRows)
 }
 
 /// Solves `X T = B` for columns in place, T upper triangular: substitution row by row of X, which is backward stable.

@@ -50,7 +50,7 @@ pub fn row_bootstrap(
     let stride = PoissonCounts::stride(options.replicates);
     let sums = accumulate(plan, &columns, source, options.seed, stride, progress)?;
     let frame = columns.frame(assembly, penalty);
-    let found = parallel_map(options.replicates, progress, |replicate| {
+    let results = parallel_map(options.replicates, progress, |replicate| {
         let sums: Vec<f64> = (0..columns.outputs()).map(|column| sums[column * stride + replicate]).collect();
         columns
             .sums(&sums, assembly.raw)
@@ -59,7 +59,7 @@ pub fn row_bootstrap(
             })
             .transpose()
     })?;
-    Selection::of(&found, plan.regression.coefficients(), options.threshold)
+    Selection::of(&results, plan.regression.coefficients(), options.threshold)
 }
 
 /// A column whose square, and whose sum where it is centred, give a scale.

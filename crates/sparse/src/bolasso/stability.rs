@@ -90,7 +90,7 @@ pub fn stability_selection(
     enough(super::joint::units(banks.keys(), banks.rows(), unit).len(), unit, 2)?;
     let joint = Joint::new(structure, banks, assembly, unit, progress)?;
     let units = joint.units();
-    let found = joint.resample(
+    let resampled = joint.resample(
         2 * options.pairs,
         progress,
         |half| {
@@ -102,7 +102,7 @@ pub fn stability_selection(
             supports(&problem, &joint.frame.penalty, &options.lambdas)
         },
     )?;
-    Ok(summary(&found, structure.coefficients(), options))
+    Ok(summary(&resampled, structure.coefficients(), options))
 }
 
 fn supports(problem: &crate::Quadratic, penalty: &crate::Penalty, lambdas: &[f64]) -> Result<Half, BolassoError> {
@@ -125,11 +125,11 @@ fn supports(problem: &crate::Quadratic, penalty: &crate::Penalty, lambdas: &[f64
     Ok(Half { supports, kkt, stalled })
 }
 
-fn summary(found: &[Option<Half>], p: usize, options: &StabilityOptions) -> Stability {
-    let halves = found.iter().flatten().count().max(1) as f64;
+fn summary(halves_drawn: &[Option<Half>], p: usize, options: &StabilityOptions) -> Stability {
+    let halves = halves_drawn.iter().flatten().count().max(1) as f64;
     let mut by_lambda = vec![vec![0.0; p]; options.lambdas.len()];
     let mut selected = 0.0;
-    for half in found.iter().flatten() {
+    for half in halves_drawn.iter().flatten() {
         let mut anywhere = vec![false; p];
         for (frequency, support) in by_lambda.iter_mut().zip(&half.supports) {
             for &j in support {
@@ -151,8 +151,8 @@ fn summary(found: &[Option<Half>], p: usize, options: &StabilityOptions) -> Stab
         frequency,
         by_lambda,
         selected,
-        worst_kkt: found.iter().flatten().map(|half| half.kkt).fold(0.0, f64::max),
-        stalled: found.iter().flatten().filter(|half| half.stalled).count(),
+        worst_kkt: halves_drawn.iter().flatten().map(|half| half.kkt).fold(0.0, f64::max),
+        stalled: halves_drawn.iter().flatten().filter(|half| half.stalled).count(),
     }
 }
 

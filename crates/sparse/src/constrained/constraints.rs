@@ -38,9 +38,9 @@ pub(super) struct Side {
 impl Constraints {
     /// All of them as sides, checked against the number of coefficients.
     pub(super) fn sides(&self, p: usize) -> Result<Vec<Side>, ConstrainedError> {
-        for (what, found) in [("the bounds", self.bounds.len()), ("the names of the coefficients", self.names.len())] {
-            if found != 0 && found != p {
-                return Err(crate::SparseError::Length { what, found, expected: p }.into());
+        for (what, length) in [("the bounds", self.bounds.len()), ("the names of the coefficients", self.names.len())] {
+            if length != 0 && length != p {
+                return Err(crate::SparseError::Length { what, found: length, expected: p }.into());
             }
         }
         let mut sides = Vec::new();

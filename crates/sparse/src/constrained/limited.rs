@@ -111,23 +111,23 @@ pub fn fit_within_limits(
     loop {
         let fit = constrained(assembled, &constraints, strength, support, &options.solve)?;
         progress.stage("rows that break a limit");
-        let found = surveys.pass(&fit.theta, options.rows_per_pass, progress)?;
+        let pass = surveys.pass(&fit.theta, options.rows_per_pass, progress)?;
         passes += 1;
-        let sizes = sizes.get_or_insert_with(|| found.iter().map(|found| found.size).collect());
-        let kept = found.iter().all(|found| found.least >= 0.0);
+        let sizes = sizes.get_or_insert_with(|| pass.iter().map(|survey| survey.size).collect());
+        let kept = pass.iter().all(|survey| survey.least >= 0.0);
         let (last, solved_with) = (constraints.inequalities.len(), cuts_of.clone());
-        for (at, found) in found.iter().enumerate() {
+        for (at, survey) in pass.iter().enumerate() {
             // A matrix may break its bound again at the same row, in another direction.
             let again = limits[at].forms.len() > 1;
-            let new = found.breaches.iter().filter(|breach| known.insert((at, breach.episode, breach.row)) || again);
-            let own = constraints.inequalities.len();
+            let new = survey.breaches.iter().filter(|breach| known.insert((at, breach.episode, breach.row)) || again);
+            let count = constraints.inequalities.len();
             constraints
                 .inequalities
                 .extend(new.map(|breach| surveys.constraint(at, breach, options.margin * sizes[at])));
-            cuts_of[at] += constraints.inequalities.len() - own;
+            cuts_of[at] += constraints.inequalities.len() - count;
         }
         if kept || constraints.inequalities.len() == last || passes >= options.max_passes {
-            let clearance = found.iter().enumerate().map(|(at, found)| surveys.clearance(at, found)).collect();
+            let clearance = pass.iter().enumerate().map(|(at, survey)| surveys.clearance(at, survey)).collect();
             let cuts = constraints.inequalities.drain(..last).skip(before).collect();
             return Ok(LimitedFit { fit, clearance, kept, passes, cuts, cuts_of: solved_with });
         }
@@ -187,10 +187,10 @@ impl<'a> Surveys<'a> {
         }
     }
 
-    fn clearance(&self, at: usize, found: &Found) -> Clearance {
+    fn clearance(&self, at: usize, survey: &Found) -> Clearance {
         let source = self.rows.as_ref().map(|(_, source)| source).filter(|_| self.places[at].0);
-        let place = source.zip(found.place);
+        let place = source.zip(survey.place);
         let place = place.map(|(source, (episode, row))| (source.episodes()[episode].name.clone(), row));
-        Clearance { least: found.least, place, size: found.size }
+        Clearance { least: survey.least, place, size: survey.size }
     }
 }

@@ -85,17 +85,17 @@ impl<'a> Survey<'a> {
             self.design.halo(),
             progress,
             || (empty(), DesignRows::default()),
-            |(found, rows), chunk, block, tile| {
+            |(surveys, rows), chunk, block, tile| {
                 self.design.evaluate(block, tile, rows);
                 let mut first = 0;
-                for (&limit, found) in self.limits.iter().zip(found) {
+                for (&limit, survey) in self.limits.iter().zip(surveys) {
                     let tile = Tile::new(limit, self.regression, rows, &mut first);
-                    found.merge(tile.worst(theta, chunk.episode, block.first), keep);
+                    survey.merge(tile.worst(theta, chunk.episode, block.first), keep);
                 }
                 Ok::<_, ConstrainedError>(())
             },
-            |_, (found, _)| {
-                total.iter_mut().zip(found).for_each(|(total, found)| total.merge(found, keep));
+            |_, (surveys, _)| {
+                total.iter_mut().zip(surveys).for_each(|(total, survey)| total.merge(survey, keep));
                 Ok(())
             },
         )?;
@@ -147,24 +147,24 @@ impl<'a> Tile<'a> {
         let entries: Vec<Vec<f64>> = self.forms.iter().map(|form| self.values(form, theta)).collect();
         let bounds = rows.output(self.bound);
         let order = self.limit.order();
-        let (mut found, mut worst) = (Found::new(), None);
+        let (mut survey, mut worst) = (Found::new(), None);
         let mut matrix = vec![0.0; entries.len()];
         for (i, &bound) in bounds.iter().enumerate() {
             for (entry, values) in matrix.iter_mut().zip(&entries) {
                 *entry = sign * values[i];
-                found.size = found.size.max(entry.abs());
+                survey.size = survey.size.max(entry.abs());
             }
             let bound = sign * bound;
-            if discs(&matrix, order) - bound < found.least {
+            if discs(&matrix, order) - bound < survey.least {
                 let (least, direction) = least_eigenvalue(&matrix, order);
-                if least - bound < found.least {
-                    (found.least, worst) = (least - bound, Some((i, direction)));
+                if least - bound < survey.least {
+                    (survey.least, worst) = (least - bound, Some((i, direction)));
                 }
             }
         }
-        let Some((i, direction)) = worst else { return found };
-        found.place = Some((episode, offset + rows.index[i]));
-        if found.least < 0.0 {
+        let Some((i, direction)) = worst else { return survey };
+        survey.place = Some((episode, offset + rows.index[i]));
+        if survey.least < 0.0 {
             let mut coefficients = Vec::new();
             let mut bound = sign * bounds[i];
             for row in 0..order {
@@ -178,9 +178,9 @@ impl<'a> Tile<'a> {
                 }
             }
             let row = offset + rows.index[i];
-            found.breaches.push(Breach { clearance: found.least, episode, row, coefficients, bound });
+            survey.breaches.push(Breach { clearance: survey.least, episode, row, coefficients, bound });
         }
-        found
+        survey
     }
 
     /// A form at every row.
@@ -212,7 +212,7 @@ fn least_eigenvalue(matrix: &[f64], order: usize) -> (f64, Vec<f64>) {
     let full = Mat::from_fn(order, order, |i, j| matrix[packed(i, j)]);
     match full.self_adjoint_eigen(Side::Lower) {
         // In ascending order.
-        Ok(found) => (found.S()[0], found.U().col(0).iter().copied().collect()),
+        Ok(eigen) => (eigen.S()[0], eigen.U().col(0).iter().copied().collect()),
         // It refuses what is not finite alone, and such rows are left out.
         Err(_) => (f64::NAN, vec![0.0; order]),
     }

@@ -37,7 +37,7 @@ impl Sums {
             return Ok(None);
         }
         progress.stage("products of the rows");
-        let mut found: Vec<Moments> = (0..design.groups).map(|_| Moments::new(design)).collect();
+        let mut moments: Vec<Moments> = (0..design.groups).map(|_| Moments::new(design)).collect();
         let n = design.rows.rows();
         for first in (0..n).step_by(BLOCK) {
             if progress.cancelled() {
@@ -45,12 +45,12 @@ impl Sums {
             }
             let rows = first..(first + BLOCK).min(n);
             let Some(block) = Block::read(design, rows.clone()) else { return Ok(None) };
-            for (group, moments) in found.iter_mut().enumerate() {
+            for (group, moments) in moments.iter_mut().enumerate() {
                 moments.add(&block, |row| design.labels.get(first + row).map_or(0, |&label| label as usize) == group);
             }
             progress.advance(rows.len(), n);
         }
-        let grams: Vec<Gram> = found.into_iter().map(Moments::gram).collect();
+        let grams: Vec<Gram> = moments.into_iter().map(Moments::gram).collect();
         let plain = design.columns() > ROOT_COLUMNS;
         let preconditioner = Preconditioner::identity(design.regressors(), design.targets());
         let sums = Self::new(preconditioner, grams, plain);

@@ -36,7 +36,7 @@ impl DenseDesign {
                 .collect()
         };
         let mut a = Slab::zeros(n, p);
-        let found = a.fill_columns(at_once, |from, columns| {
+        let centring_of = a.fill_columns(at_once, |from, columns| {
             checkpoint();
             let stride = n.next_multiple_of(crate::kernel::LANES);
             let count = columns.len() / stride;
@@ -50,7 +50,7 @@ impl DenseDesign {
         while let Some(target) = targets.next() {
             // The last one takes the columns, the others a copy.
             let a = if targets.peek().is_some() { a.clone() } else { std::mem::replace(&mut a, Slab::zeros(0, 0)) };
-            problems.push(centring.problem_of_unit_columns(a, &found, target)?);
+            problems.push(centring.problem_of_unit_columns(a, &centring_of, target)?);
         }
         Ok(problems)
     }

@@ -60,8 +60,8 @@ impl Sums {
                     Some(_) => Gram::by_region(z, weights, labels, design.groups),
                 })
             },
-            |found: Vec<(u32, Gram)>| {
-                found.iter().for_each(|(group, gram)| grams[*group as usize].merge(gram));
+            |by_group: Vec<(u32, Gram)>| {
+                by_group.iter().for_each(|(group, gram)| grams[*group as usize].merge(gram));
                 Ok(())
             },
         )?;

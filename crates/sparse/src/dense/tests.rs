@@ -25,9 +25,9 @@ fn uniform(at: usize) -> f64 {
 impl Table {
     fn value(&self, row: usize, column: usize) -> f64 {
         let shared = uniform(row);
-        let own = |j: usize| uniform((row + 1) * 10_007 + j);
+        let value = |j: usize| uniform((row + 1) * 10_007 + j);
         if column < self.regressors {
-            return 3.0 + shared + (1.0 + column as f64 % 7.0) * own(column);
+            return 3.0 + shared + (1.0 + column as f64 % 7.0) * value(column);
         }
         let noise = 0.3 * uniform((row + 1) * 777_767 + column);
         let sum: f64 = (0..self.regressors.min(4)).map(|j| (j as f64 - 1.3) * self.value(row, j)).sum();
@@ -86,12 +86,14 @@ fn direct(rows: usize, regressors: usize, groups: Option<&[usize]>, target: usiz
 }
 
 /// The paths agree, down to a hundredth of where they begin.
-fn assert_same_path(found: &Quadratic, expected: &Quadratic, tolerance: f64) {
+fn assert_same_path(quadratic: &Quadratic, expected: &Quadratic, tolerance: f64) {
     let top = lars(expected, &Penalty::default(), &LarsOptions { max_knots: Some(1), ..LarsOptions::default() });
     let end = 0.01 * top.unwrap().knots[0].l1;
     let options = LarsOptions { lambda_min: end, ..LarsOptions::default() };
-    let (a, b) =
-        (lars(found, &Penalty::default(), &options).unwrap(), lars(expected, &Penalty::default(), &options).unwrap());
+    let (a, b) = (
+        lars(quadratic, &Penalty::default(), &options).unwrap(),
+        lars(expected, &Penalty::default(), &options).unwrap(),
+    );
     let p = expected.columns();
     let size = b.knots.last().unwrap().dense(p).iter().fold(0.0_f64, |size, value| size.max(value.abs()));
     for share in [0.9, 0.5, 0.1, 0.01] {
@@ -129,8 +131,8 @@ fn errors_are_those_of_the_rows() {
         let coefficients: Vec<f64> = (0..2 * regressors).map(|at| uniform(at + 5)).collect();
         let intercepts = [0.5, -2.0];
         let groups = [0, 1];
-        let found = design.mean_squares(Some(&groups), 1, &coefficients, &intercepts, &Silent).unwrap();
-        for (model, found) in found.iter().enumerate() {
+        let mean_squares = design.mean_squares(Some(&groups), 1, &coefficients, &intercepts, &Silent).unwrap();
+        for (model, solution) in mean_squares.iter().enumerate() {
             let beta = &coefficients[model * regressors..][..regressors];
             let (mut sum, mut total) = (0.0, 0.0);
             for row in (0..rows).filter(|&row| groups.contains(&(label(row) as usize))) {
@@ -138,7 +140,7 @@ fn errors_are_those_of_the_rows() {
                 let error = table.value(row, regressors + 1) - intercepts[model] - predicted;
                 (sum, total) = (sum + weight(row) * error * error, total + weight(row));
             }
-            assert!((found / (sum / total) - 1.0).abs() < 1e-11, "{found} {}", sum / total);
+            assert!((solution / (sum / total) - 1.0).abs() < 1e-11, "{solution} {}", sum / total);
         }
     }
 }
@@ -215,16 +217,16 @@ struct Scattered {
 
 impl Scattered {
     fn value(&self, row: usize, column: usize) -> f64 {
-        let own = |j: usize| match mix((row * 7919 + j * 31) as u64) % 20 {
+        let value = |j: usize| match mix((row * 7919 + j * 31) as u64) % 20 {
             0 => 1.0 + uniform(row * 911 + j),
             _ => 0.0,
         };
         match column {
-            j if j >= self.regressors => 1e3 + own(3) - 2.0 * own(8) + uniform(row + 5 * j),
+            j if j >= self.regressors => 1e3 + value(3) - 2.0 * value(8) + uniform(row + 5 * j),
             // Rows without weight leave no trace, whatever they hold.
             8 if weight(row) == 0.0 && self.regressors > ROOT_COLUMNS => f64::NAN,
-            5 if self.leans => own(4) * (1.0 + 1e-6 * uniform(row)),
-            j => own(j),
+            5 if self.leans => value(4) * (1.0 + 1e-6 * uniform(row)),
+            j => value(j),
         }
     }
 }
@@ -251,15 +253,15 @@ impl DenseRows for Scattered {
     }
 
     fn nonzeros(&self, rows: Range<usize>) -> Option<Nonzeros> {
-        let mut found = Nonzeros { starts: vec![0], ..Nonzeros::default() };
+        let mut nonzeros = Nonzeros { starts: vec![0], ..Nonzeros::default() };
         for row in rows {
             for column in (0..self.regressors).filter(|&column| self.value(row, column) != 0.0) {
-                found.columns.push(column as u32);
-                found.values.push(self.value(row, column));
+                nonzeros.columns.push(column as u32);
+                nonzeros.values.push(self.value(row, column));
             }
-            found.starts.push(found.values.len());
+            nonzeros.starts.push(nonzeros.values.len());
         }
-        Some(found)
+        Some(nonzeros)
     }
 }
 
@@ -272,10 +274,10 @@ fn few_values_give_the_sums_of_all() {
             let labels = (0..rows.rows).map(label).collect();
             DenseDesign::new(rows.clone(), Some((0..rows.rows).map(weight).collect()), labels, 3, &Silent).unwrap()
         };
-        let found = [1, 3].map(|threads| with_threads(threads, || design(true)));
+        let designs = [1, 3].map(|threads| with_threads(threads, || design(true)));
         let expected = design(false);
         for (groups, intercept) in [(None, true), (Some(&[0, 2][..]), false)] {
-            let [one, three] = [&found[0], &found[1]].map(|design| design.problems(groups, intercept).unwrap());
+            let [one, three] = [&designs[0], &designs[1]].map(|design| design.problems(groups, intercept).unwrap());
             assert_eq!(one, three);
             for (problem, expected) in one.iter().zip(&expected.problems(groups, intercept).unwrap()) {
                 // Columns that lean on each other are summed as dense rows are.
@@ -285,7 +287,7 @@ fn few_values_give_the_sums_of_all() {
         }
         let coefficients: Vec<f64> = (0..regressors).map(uniform).collect();
         let [a, b] =
-            [&found[0], &expected].map(|design| design.mean_squares(Some(&[1]), 0, &coefficients, &[900.0], &Silent));
+            [&designs[0], &expected].map(|design| design.mean_squares(Some(&[1]), 0, &coefficients, &[900.0], &Silent));
         assert!(leans || (a.unwrap()[0] / b.unwrap()[0] - 1.0).abs() < 1e-11);
     }
 }

@@ -153,8 +153,8 @@ impl<'a> Descent<'a> {
             self.left.products.pair(block.columns[i], block.columns[k]) / block.units[k] / block.units[i]
         };
         let k = block.columns.len();
-        let found = Spectrum::of(&Mat::from_fn(k, k, entry));
-        self.spectra[at] = Some(found.ok_or(SparseError::ColumnNotFinite { column: block.columns[0] })?);
+        let spectrum = Spectrum::of(&Mat::from_fn(k, k, entry));
+        self.spectra[at] = Some(spectrum.ok_or(SparseError::ColumnNotFinite { column: block.columns[0] })?);
         Ok(())
     }
 }

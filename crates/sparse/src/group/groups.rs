@@ -30,9 +30,9 @@ impl Groups {
 
     /// The weight of every group under a penalty, once groups and problem belong together.
     pub(super) fn checked(&self, columns: usize, penalty: &Penalty) -> Result<Vec<f64>, SparseError> {
-        let (found, expected) = (self.of.len(), columns);
-        if found != expected {
-            return Err(SparseError::Length { what: "the list of the columns' groups", found, expected });
+        let (count, expected) = (self.of.len(), columns);
+        if count != expected {
+            return Err(SparseError::Length { what: "the list of the columns' groups", found: count, expected });
         }
         if let Some(column) = self.of.iter().position(|&group| group >= columns) {
             return Err(SparseError::GroupNumber { column, group: self.of[column], columns });
@@ -44,9 +44,9 @@ impl Groups {
             penalised.for_each(|j| sizes[self.of[j]] += 1.0);
             return Ok(sizes.into_iter().map(f64::sqrt).collect());
         }
-        let (found, expected) = (self.weights.len(), self.len());
-        if found < expected {
-            return Err(SparseError::Length { what: "the list of the groups' weights", found, expected });
+        let (count, expected) = (self.weights.len(), self.len());
+        if count < expected {
+            return Err(SparseError::Length { what: "the list of the groups' weights", found: count, expected });
         }
         match self.weights.iter().position(|weight| !(*weight >= 0.0 && weight.is_finite())) {
             Some(group) => Err(SparseError::GroupWeight { group, value: self.weights[group] }),

@@ -60,12 +60,12 @@ impl GroupLasso {
         let posed = Posed::new(self, problem, penalty)?;
         let scaled = posed.scaled(problem, coefficients, "the coefficients")?;
         let delta = Slab::from_fn(problem.columns(), 1, |j, _| scaled[j]);
-        let (mut found, _) = certify(problem, &posed.weights, 0.0, &[posed.at(lambda)], &delta).remove(0);
+        let (mut certified, _) = certify(problem, &posed.weights, 0.0, &[posed.at(lambda)], &delta).remove(0);
         // A column that takes no part has no place in correlation form.
         if (0..problem.columns()).any(|j| coefficients[j] != 0.0 && !posed.weights.used(j)) {
-            found.kkt = f64::INFINITY;
+            certified.kkt = f64::INFINITY;
         }
-        Ok(found)
+        Ok(certified)
     }
 }
 
@@ -97,9 +97,9 @@ impl Posed {
 
     /// Raw coefficients in correlation form; 0 of columns that take no part.
     pub(super) fn scaled(&self, problem: &Quadratic, raw: &[f64], what: &'static str) -> Result<Vec<f64>, SparseError> {
-        let (found, expected) = (raw.len(), problem.columns());
-        if found != expected {
-            return Err(SparseError::Length { what, found, expected });
+        let (count, expected) = (raw.len(), problem.columns());
+        if count != expected {
+            return Err(SparseError::Length { what, found: count, expected });
         }
         if let Some(column) = raw.iter().position(|value| !value.is_finite()) {
             return Err(SparseError::ColumnNotFinite { column });

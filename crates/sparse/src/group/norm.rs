@@ -54,14 +54,17 @@ mod tests {
             let pushes: Vec<f64> = (0..1 + seed % 7).map(push).collect();
             for (l1, group) in [(0.3, 0.7), (1e-6, 2.0), (0.999, 1e-3), (0.5, 0.5), (2.0, 9.0), (0.0, 1.0), (1.0, 0.0)]
             {
-                let found = critical(pushes.iter().copied(), l1, group);
+                let threshold = critical(pushes.iter().copied(), l1, group);
                 // Down to 1e9 over the 200th power of two.
                 let (mut low, mut high) = (0.0, 1e9);
                 for _ in 0..200 {
                     let middle = 0.5 * (low + high);
                     if left(&pushes, l1, group, middle) > 0.0 { low = middle } else { high = middle }
                 }
-                assert!((found - high).abs() <= 1e-12 * high + 1e-40, "{pushes:?} {l1} {group}: {found} {high}");
+                assert!(
+                    (threshold - high).abs() <= 1e-12 * high + 1e-40,
+                    "{pushes:?} {l1} {group}: {threshold} {high}"
+                );
                 compared += 1;
             }
         }
@@ -71,8 +74,8 @@ mod tests {
     #[test]
     fn equal_pushes_do_not_cancel() {
         // sqrt(4) (1 - lambda/2) = lambda/2 has the root 4/3.
-        let found = critical([1.0; 4].into_iter(), 0.5, 0.5);
-        assert!((found - 4.0 / 3.0).abs() < 1e-15);
+        let threshold = critical([1.0; 4].into_iter(), 0.5, 0.5);
+        assert!((threshold - 4.0 / 3.0).abs() < 1e-15);
         assert_eq!(critical([0.0, -1.0].into_iter(), 0.5, 0.5), 0.0);
     }
 }

@@ -26,12 +26,12 @@ impl Shape for AtLambda<'_> {
     fn goals(&self, delta: &[f64], gradient: &[f64]) -> Vec<f64> {
         let mut goals = gradient.to_vec();
         for block in self.blocks {
-            let own = block.gradients(gradient);
-            let found = block.at(self.lambda).goals(&block.coefficients(delta), &own);
+            let gradients = block.gradients(gradient);
+            let goals_of_block = block.at(self.lambda).goals(&block.coefficients(delta), &gradients);
             for (at, &j) in block.columns.iter().enumerate() {
                 // What stays is left as it is, to the last bit.
-                if found[at] != own[at] {
-                    goals[j] = block.units[at] * found[at];
+                if goals_of_block[at] != gradients[at] {
+                    goals[j] = block.units[at] * goals_of_block[at];
                 }
             }
         }

@@ -18,12 +18,12 @@ pub(super) struct Spectrum {
 impl Spectrum {
     /// Of a symmetric positive semidefinite matrix; `None` when it is not finite.
     pub(super) fn of(matrix: &Mat<f64>) -> Option<Self> {
-        let found = matrix.self_adjoint_eigen(Side::Lower).ok()?;
+        let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
         let k = matrix.nrows();
-        let largest = (0..k).map(|i| found.S()[i]).fold(0.0, f64::max);
+        let largest = (0..k).map(|i| eigen.S()[i]).fold(0.0, f64::max);
         let rounding = 4.0 * f64::EPSILON * k as f64 * largest;
-        let value = |i: usize| if found.S()[i] > rounding { found.S()[i] } else { 0.0 };
-        Some(Self { values: (0..k).map(value).collect(), vectors: found.U().to_owned() })
+        let value = |i: usize| if eigen.S()[i] > rounding { eigen.S()[i] } else { 0.0 };
+        Some(Self { values: (0..k).map(value).collect(), vectors: eigen.U().to_owned() })
     }
 
     /// The largest eigenvalue: the curvature that a proximal step may trust.

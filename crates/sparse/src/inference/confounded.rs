@@ -58,13 +58,13 @@ pub fn confounded(assembled: &Assembled, support: &[usize], limit: f64) -> Resul
         (rank..varied.len()).map(|at| direction(&factor, &varied, (rank, at), limit.max(LEAST_SHARE))).collect();
     let groups = groups(&directions);
     let kept: Vec<usize> = (0..rank).map(|i| varied[factor.order[i]]).collect();
-    let found = SupportFactor::new(assembled, &kept)?;
-    let among = found.inverse_diagonal();
+    let support_factor = SupportFactor::new(assembled, &kept)?;
+    let among = support_factor.inverse_diagonal();
     let inflation = support.iter().map(|j| {
         let joined = groups.iter().any(|group| group.contains(j));
         kept.iter().position(|i| i == j).filter(|_| !joined).map_or(f64::INFINITY, |place| among[place])
     });
-    let pivot = |i: usize| found.r[(i, i)].abs();
+    let pivot = |i: usize| support_factor.r[(i, i)].abs();
     let condition = if rank > 0 { pivot(0) / pivot(rank - 1) } else { 1.0 };
     Ok(Confounding { inflation: inflation.collect(), directions, groups, zero, condition })
 }
@@ -90,8 +90,8 @@ fn direction(factor: &SupportFactor, support: &[usize], (rank, at): (usize, usiz
 
 fn groups(directions: &[Confounded]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    for found in directions {
-        let mut joined: Vec<usize> = found.direction.iter().map(|(j, _)| *j).collect();
+    for direction in directions {
+        let mut joined: Vec<usize> = direction.direction.iter().map(|(j, _)| *j).collect();
         let (touched, apart): (Vec<_>, Vec<_>) =
             groups.into_iter().partition(|group: &Vec<usize>| group.iter().any(|j| joined.contains(j)));
         joined.extend(touched.into_iter().flatten());
@@ -108,8 +108,8 @@ impl Confounding {
     /// Directions as a matrix (p x number), raw units.
     pub fn matrix(&self, coefficients: usize) -> Mat<f64> {
         let mut matrix = Mat::zeros(coefficients, self.directions.len());
-        for (k, found) in self.directions.iter().enumerate() {
-            found.direction.iter().for_each(|&(j, value)| matrix[(j, k)] = value);
+        for (k, direction) in self.directions.iter().enumerate() {
+            direction.direction.iter().for_each(|&(j, value)| matrix[(j, k)] = value);
         }
         matrix
     }

@@ -76,8 +76,8 @@ pub fn clustered_covariance(
     let mean: Vec<f64> =
         support.iter().map(|&j| scores.iter().map(|score| score[j]).sum::<f64>() / count as f64).collect();
     let moves = scores.iter().map(|score| {
-        let own: Vec<f64> = support.iter().zip(&mean).map(|(&j, mean)| score[j] - mean).collect();
-        factor.inverse_times(&own)
+        let centred: Vec<f64> = support.iter().zip(&mean).map(|(&j, mean)| score[j] - mean).collect();
+        factor.inverse_times(&centred)
     });
     let moves: Vec<Vec<f64>> = moves.collect();
     let k = support.len();

@@ -68,19 +68,19 @@ pub fn influence(
     let equations: f64 = structure.tasks.iter().filter(|shape| !shape.prior).count() as f64 * n;
     let variance = squares / (equations - support.len() as f64).max(1.0);
     let rest: Vec<Vec<Gram>> = banks.tasks().iter().map(|(_, bank)| bank.without(&members, count)).collect();
-    let own = own_scores(banks, &fit, &members, count);
+    let scores = own_scores(banks, &fit, &members, count);
     let mut episodes = parallel_map(count, progress, |episode| {
         let roots: Vec<SquareRoot> =
             banks.tasks().iter().zip(&rest).map(|((change, _), rest)| change.square_root(&rest[episode])).collect();
         let left = weight(&roots);
         let part = (n - left).max(f64::MIN_POSITIVE);
-        let in_sample = own.squares(episode, &fit, banks, &coefficients) / part;
+        let in_sample = scores.squares(episode, &fit, banks, &coefficients) / part;
         let factor = match assemble(structure, &roots, assembly) {
             Ok(assembled) => SupportFactor::new(&assembled, support)?.identified(support),
             Err(error) => Err(error.into()),
         };
-        let mut found = Influence {
-            episode: own.identity[episode],
+        let mut influence = Influence {
+            episode: scores.identity[episode],
             share: part / n,
             coefficients: Vec::new(),
             distance: f64::INFINITY,
@@ -91,13 +91,13 @@ pub fn influence(
         if let Ok(factor) = factor {
             let without = factor.coefficients();
             let change: Vec<f64> = without.iter().zip(&coefficients).map(|(a, b)| a - b).collect();
-            found.distance =
+            influence.distance =
                 full.squared_effect(&change) / (support.len().max(1) as f64 * variance.max(f64::MIN_POSITIVE));
-            found.training = fit.squares(&roots, &without) / left;
-            found.held_out = own.squares(episode, &fit, banks, &without) / part;
-            found.coefficients = without;
+            influence.training = fit.squares(&roots, &without) / left;
+            influence.held_out = scores.squares(episode, &fit, banks, &without) / part;
+            influence.coefficients = without;
         }
-        Ok::<_, InferenceError>(found)
+        Ok::<_, InferenceError>(influence)
     })?;
     let held_out = episodes.iter().map(|episode| episode.share * episode.held_out).sum();
     episodes.sort_by(|a, b| b.distance.total_cmp(&a.distance).then(a.episode.cmp(&b.episode)));
@@ -152,9 +152,9 @@ fn own_scores(banks: &Banks, fit: &Fit<'_>, members: &[usize], count: usize) -> 
     let mut grams: Vec<Vec<Gram>> = vec![Vec::new(); banks.tasks().len()];
     for task in fit.measured() {
         let bank = &banks.tasks()[task].1;
-        let mut own = vec![Gram::new(bank.dimension()); count];
-        members.iter().enumerate().for_each(|(member, &group)| own[group].merge(&bank.member(member)));
-        grams[task] = own;
+        let mut sums = vec![Gram::new(bank.dimension()); count];
+        members.iter().enumerate().for_each(|(member, &group)| sums[group].merge(&bank.member(member)));
+        grams[task] = sums;
     }
     Own { identity, grams }
 }

@@ -133,10 +133,10 @@ fn rows(assembled: &Assembled, support: &[usize]) -> (Mat<f64>, Vec<f64>) {
 /// A and z with `A'A` the matrix and `A'z` the target's products, as far as rounding lets the matrix have a root.
 fn symmetric_root(matrix: &Mat<f64>, target: &[f64]) -> (Mat<f64>, Vec<f64>) {
     let k = target.len();
-    let Ok(found) = matrix.self_adjoint_eigen(faer::Side::Lower) else {
+    let Ok(eigen) = matrix.self_adjoint_eigen(faer::Side::Lower) else {
         return (Mat::zeros(k, k), vec![0.0; k]);
     };
-    let (vectors, values) = (found.U(), found.S().column_vector());
+    let (vectors, values) = (eigen.U(), eigen.S().column_vector());
     let floor = 8.0 * f64::EPSILON * (k + 1) as f64;
     let root = |i: usize| if values[i] > floor { values[i].sqrt() } else { 0.0 };
     let product = |i: usize| (0..k).map(|j| vectors[(j, i)] * target[j]).sum::<f64>();
@@ -150,8 +150,8 @@ fn symmetric_root(matrix: &Mat<f64>, target: &[f64]) -> (Mat<f64>, Vec<f64>) {
 /// When the support names a coefficient that does not exist, or holds coefficients that the rows and priors do not tell apart (remainder of a column
 /// beyond the others below 1e-9 of its length).
 pub fn least_squares_on(assembled: &Assembled, support: &[usize]) -> Result<Vec<f64>, InferenceError> {
-    let found = SupportFactor::new(assembled, support)?.identified(support)?.coefficients();
+    let coefficients = SupportFactor::new(assembled, support)?.identified(support)?.coefficients();
     let mut theta = vec![0.0; assembled.scale.len()];
-    support.iter().zip(&found).for_each(|(&j, &value)| theta[j] = value);
+    support.iter().zip(&coefficients).for_each(|(&j, &value)| theta[j] = value);
     Ok(theta)
 }

@@ -29,13 +29,13 @@ pub fn system_errors(
 ) -> Result<Mat<f64>, InferenceError> {
     let total = scan.root(region).compressed(constant);
     let (p, q) = (total.columns(), total.targets());
-    for (what, found, expected) in [
+    for (what, length, expected) in [
         ("the rows of the coefficients", coefficients.nrows(), p),
         ("the columns of the coefficients", coefficients.ncols(), q),
         ("the list of supports", supports.len(), q),
     ] {
-        if found != expected {
-            return Err(SparseError::Length { what, found, expected }.into());
+        if length != expected {
+            return Err(SparseError::Length { what, found: length, expected }.into());
         }
     }
     if let Some(column) = (0..p).find(|&j| (0..q).any(|t| !coefficients[(j, t)].is_finite())) {
@@ -51,8 +51,8 @@ pub fn system_errors(
         if let Some(&column) = support.iter().find(|&&column| column >= p) {
             return Err(InferenceError::NoSuchCoefficient { column, columns: p });
         }
-        let own = total.select(support);
-        if !identified(&own) {
+        let selected = total.select(support);
+        if !identified(&selected) {
             continue;
         }
         let mean: Vec<f64> =
@@ -60,7 +60,7 @@ pub fn system_errors(
         let mut squares = vec![0.0; support.len()];
         for score in &scores {
             let mut moved: Vec<f64> = support.iter().zip(&mean).map(|(&j, mean)| score[(j, t)] - mean).collect();
-            inverse_times(own.r.as_ref(), &mut moved);
+            inverse_times(selected.r.as_ref(), &mut moved);
             squares.iter_mut().zip(&moved).for_each(|(sum, value)| *sum += value * value);
         }
         let c = small_sample(count, total.rows, support.len());
@@ -112,8 +112,8 @@ fn score(problem: &Compressed, coefficients: MatRef<'_, f64>) -> Mat<f64> {
 }
 
 /// Returns true if no column is a linear combination of others, up to rounding.
-fn identified(own: &Compressed) -> bool {
-    (0..own.columns()).all(|k| own.r[(k, k)].abs() > own.noise[k])
+fn identified(compressed: &Compressed) -> bool {
+    (0..compressed.columns()).all(|k| compressed.r[(k, k)].abs() > compressed.noise[k])
 }
 
 /// Rows that count as independent, the fewest of the targets, by the batch means of the residuals of coefficients (p x q) over the chunks of a region
@@ -195,15 +195,15 @@ mod tests {
         let supports = vec![vec![0, 1], vec![1, 2]];
         let mut coefficients = Mat::zeros(3, 2);
         for (t, support) in supports.iter().enumerate() {
-            let own = problem.select(support);
-            let mut b: Vec<f64> = own.z.col_as_slice(t).to_vec();
+            let selected = problem.select(support);
+            let mut b: Vec<f64> = selected.z.col_as_slice(t).to_vec();
             for k in (0..2).rev() {
-                let known: f64 = (k + 1..2).map(|j| own.r[(k, j)] * b[j]).sum();
-                b[k] = (b[k] - known) / own.r[(k, k)];
+                let known: f64 = (k + 1..2).map(|j| selected.r[(k, j)] * b[j]).sum();
+                b[k] = (b[k] - known) / selected.r[(k, k)];
             }
             support.iter().zip(&b).for_each(|(&j, &b)| coefficients[(j, t)] = b);
         }
-        let found = system_errors(&scan, 0, true, coefficients.as_ref(), &supports, Clusters::Chunks).unwrap();
+        let errors = system_errors(&scan, 0, true, coefficients.as_ref(), &supports, Clusters::Chunks).unwrap();
         for (t, support) in supports.iter().enumerate() {
             let x = |row: &[f64; 3], j: usize| [1.0, row[0], row[0] * row[0]][support[j]];
             let (mut h, mut meat) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
@@ -227,16 +227,16 @@ mod tests {
                     .map(|(i, j)| inverse[k][i] * meat[i][j] * inverse[j][k])
                     .sum();
                 let expected = (c * variance).sqrt();
-                let error = found[(support[k], t)];
+                let error = errors[(support[k], t)];
                 assert!((error / expected - 1.0).abs() < 1e-9, "{error} {expected}");
             }
         }
-        assert!(found[(2, 0)].is_nan() && found[(0, 1)].is_nan());
+        assert!(errors[(2, 0)].is_nan() && errors[(0, 1)].is_nan());
         // Noise that is new at every row, with chunk means to match: about every row counts.
         let independent = system_effective_rows(&scan, 0, true, coefficients.as_ref());
         assert!((50.0..=340.0).contains(&independent), "{independent}");
         let episodes = system_errors(&scan, 0, true, coefficients.as_ref(), &supports, Clusters::Episodes).unwrap();
-        assert!(episodes[(0, 0)] > 0.0 && episodes[(0, 0)] != found[(0, 0)]);
+        assert!(episodes[(0, 0)] > 0.0 && episodes[(0, 0)] != errors[(0, 0)]);
     }
 
     #[test]

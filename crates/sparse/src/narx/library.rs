@@ -53,8 +53,8 @@ impl NarxLibrary {
             let functions = Library::polynomial(&expressions, order.degree as u32)?.functions().to_vec();
             let mut needs = Vec::with_capacity(functions.len());
             if !variables.is_empty() {
-                let own: Vec<NarxOrder> = variables.iter().map(|(_, need)| *need).collect();
-                (1..=order.degree).for_each(|total| monomials(None, &own, total, total, &mut needs));
+                let narx_orders: Vec<NarxOrder> = variables.iter().map(|(_, need)| *need).collect();
+                (1..=order.degree).for_each(|total| monomials(None, &narx_orders, total, total, &mut needs));
             }
             debug_assert_eq!(needs.len(), functions.len(), "both in graded lexicographic order");
             Ok(functions.into_iter().zip(needs).collect())
@@ -120,8 +120,8 @@ impl NarxLibrary {
 
     /// Columns of an order in a problem whose first column is the constant, the constant among them.
     pub fn columns(&self, order: NarxOrder) -> Vec<usize> {
-        let own = self.needs.iter().enumerate().filter(|(_, need)| need.is_within(order));
-        std::iter::once(0).chain(own.map(|(j, _)| j + 1)).collect()
+        let needed = self.needs.iter().enumerate().filter(|(_, need)| need.is_within(order));
+        std::iter::once(0).chain(needed.map(|(j, _)| j + 1)).collect()
     }
 
     /// All orders up to the library's that differ in their candidates, from the smallest on: at least one output lag where there are outputs to lag, no input lag only

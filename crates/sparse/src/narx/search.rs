@@ -140,13 +140,13 @@ fn score(
     folds: &[NarxFold],
     options: &OrderOptions,
 ) -> Result<OrderScore, ThresholdError> {
-    let own = problem.select(columns);
+    let selected = problem.select(columns);
     let folds: Vec<NarxFold> = folds
         .iter()
         .map(|fold| NarxFold { train: fold.train.select(columns), test: fold.test.select(columns) })
         .collect();
-    let targets = own.targets();
-    let mut found = OrderScore {
+    let targets = selected.targets();
+    let mut order_score = OrderScore {
         order,
         candidates: columns.len(),
         terms: Vec::with_capacity(targets),
@@ -157,12 +157,12 @@ fn score(
     // Losses of the folds, their mean over the targets.
     let mut losses = vec![0.0; folds.len()];
     for target in 0..targets {
-        let whole = trail(&own, target, options)?;
+        let whole = trail(&selected, target, options)?;
         let best = match options.choice {
             OrderChoice::Criterion(criterion, criteria) => {
-                let criteria = criteria_of_steps(&whole.steps, &own, target, columns.len(), &criteria)?;
+                let criteria = criteria_of_steps(&whole.steps, &selected, target, columns.len(), &criteria)?;
                 let best = criteria.best(criterion);
-                found.value += criteria.values(criterion)[best];
+                order_score.value += criteria.values(criterion)[best];
                 best
             }
             OrderChoice::CrossValidation { .. } => {
@@ -170,20 +170,20 @@ fn score(
                 let held_out = held_out.collect::<Result<Vec<_>, _>>()?;
                 let mean = |k: usize| held_out.iter().map(|losses| losses[k]).sum::<f64>() / held_out.len() as f64;
                 let best = least((0..whole.steps.len()).map(mean));
-                losses.iter_mut().zip(&held_out).for_each(|(sum, own)| *sum += own[best] / targets as f64);
+                losses.iter_mut().zip(&held_out).for_each(|(sum, held_out)| *sum += held_out[best] / targets as f64);
                 best
             }
         };
-        found.terms.push(whole.steps[best].terms());
-        found.rss.push(whole.steps[best].rss);
+        order_score.terms.push(whole.steps[best].terms());
+        order_score.rss.push(whole.steps[best].rss);
     }
     if let OrderChoice::CrossValidation { .. } = options.choice {
         let count = losses.len() as f64;
-        found.value = losses.iter().sum::<f64>() / count;
-        let scatter: f64 = losses.iter().map(|loss| (loss - found.value).powi(2)).sum();
-        found.standard_error = Some((scatter / (count - 1.0) / count).sqrt());
+        order_score.value = losses.iter().sum::<f64>() / count;
+        let scatter: f64 = losses.iter().map(|loss| (loss - order_score.value).powi(2)).sum();
+        order_score.standard_error = Some((scatter / (count - 1.0) / count).sqrt());
     }
-    Ok(found)
+    Ok(order_score)
 }
 
 /// Relative squared error on the rows that did not train, for every number of terms; a training set that ends earlier keeps its last model.

@@ -50,15 +50,15 @@ fn scan(functions: &[Expr], source: &MemorySource) -> SystemScan {
 fn every_order_has_the_candidates_of_a_library_of_its_own() {
     for most in [order(3, 2, 3), direct(order(2, 2, 2)), order(2, 0, 4), direct(order(0, 3, 2))] {
         let all = library(most);
-        for own in all.orders() {
+        for order in all.orders() {
             let names = |library: &NarxLibrary| library.functions().iter().map(Expr::to_string).collect::<Vec<_>>();
-            let columns = all.columns(own);
+            let columns = all.columns(order);
             assert_eq!(columns[0], 0);
             let mut taken: Vec<String> = columns[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect();
-            let mut alone = names(&library(own));
+            let mut alone = names(&library(order));
             taken.sort();
             alone.sort();
-            assert_eq!(taken, alone, "{own} of {most}");
+            assert_eq!(taken, alone, "{order} of {most}");
         }
         assert_eq!(all.orders().last(), Some(&most));
         assert_eq!(all.columns(most).len(), all.functions().len() + 1);
@@ -74,13 +74,13 @@ fn one_library_holds_orders_that_are_not_within_each_other() {
     let (y, u) = ([Expr::column("y")], [Expr::column("u")]);
     let orders = [order(5, 5, 1), order(2, 1, 2), direct(order(1, 1, 3)), order(3, 3, 1)];
     let all = NarxLibrary::of_orders(&y, &u, &orders).unwrap();
-    for own in orders {
+    for order in orders {
         let mut taken: Vec<String> =
-            all.columns(own)[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect();
-        let mut alone: Vec<String> = library(own).functions().iter().map(Expr::to_string).collect();
+            all.columns(order)[1..].iter().map(|&j| all.functions()[j - 1].to_string()).collect();
+        let mut alone: Vec<String> = library(order).functions().iter().map(Expr::to_string).collect();
         taken.sort();
         alone.sort();
-        assert_eq!(taken, alone, "{own}");
+        assert_eq!(taken, alone, "{order}");
     }
     let mut once: Vec<String> = all.functions().iter().map(Expr::to_string).collect();
     once.sort();
@@ -95,10 +95,10 @@ fn one_library_holds_orders_that_are_not_within_each_other() {
 fn past_values_may_be_further_apart() {
     let spread = |order: NarxOrder| NarxOrder { every: 5, ..order };
     let all = library(spread(direct(order(3, 2, 2))));
-    let names = |own: NarxOrder| {
-        let columns = all.columns(own);
-        let own = columns[1..].iter().map(|&j| all.functions()[j - 1].to_string());
-        own.filter(|name| !name.contains(['*', '^'])).collect::<Vec<_>>()
+    let names = |narx_order: NarxOrder| {
+        let columns = all.columns(narx_order);
+        let names = columns[1..].iter().map(|&j| all.functions()[j - 1].to_string());
+        names.filter(|name| !name.contains(['*', '^'])).collect::<Vec<_>>()
     };
     assert_eq!(names(spread(direct(order(3, 2, 2)))), ["y", "lag(y, 5)", "lag(y, 10)", "lead(u, 1)", "u", "lag(u, 5)"]);
     assert_eq!(names(spread(order(2, 1, 1))), ["y", "lag(y, 5)", "u"]);
@@ -109,8 +109,8 @@ fn past_values_may_be_further_apart() {
     assert_eq!((far.reach(), near.reach(), order(0, 0, 1).reach()), (11, 2, 0));
     let addend = Addend { function: Expr::column("y").powi(2), outputs: true, inputs: false };
     let lagged = NarxLibrary::additive(&[addend], &[spread(order(3, 0, 1))]);
-    let found: Vec<String> = lagged.functions().iter().map(Expr::to_string).collect();
-    assert_eq!(found, ["y^2", "lag(y, 5)^2", "lag(y, 10)^2"]);
+    let texts: Vec<String> = lagged.functions().iter().map(Expr::to_string).collect();
+    assert_eq!(texts, ["y^2", "lag(y, 5)^2", "lag(y, 10)^2"]);
 }
 
 #[test]
@@ -146,9 +146,9 @@ fn lagged() -> Vec<Expr> {
 fn the_order_that_made_the_data_is_found_whatever_it_is_compared_by() {
     let source = recording(3, 8, 400, 0.05);
     let library = library(order(4, 3, 3));
-    let found = scan(library.functions(), &source);
-    let problem = found.root(0).compressed(true);
-    let folds = folds(&found, 4);
+    let scanned = scan(library.functions(), &source);
+    let problem = scanned.root(0).compressed(true);
+    let folds = folds(&scanned, 4);
     let criterion = |criterion| OrderChoice::Criterion(criterion, CriterionOptions::default());
     for (choice, max_terms) in [
         (criterion(Criterion::Bic), None),
@@ -203,13 +203,13 @@ fn one_statistic_answers_like_a_scan_of_each_order_on_the_same_rows() {
             weight: Some(Expr::number(1.0) + zero),
             ..System::new(functions, vec![Expr::column("y").shifted(-1)])
         };
-        let own = SystemPlan::new(system, Some(50), &source).unwrap().scan(&source, &Silent).unwrap();
-        let own = own.root(0).compressed(true);
+        let scanned = SystemPlan::new(system, Some(50), &source).unwrap().scan(&source, &Silent).unwrap();
+        let compressed = scanned.root(0).compressed(true);
         assert!(
-            (own.residual[0] / score.rss[0] - 1.0).abs() < 1e-9,
+            (compressed.residual[0] / score.rss[0] - 1.0).abs() < 1e-9,
             "{}: {} {}",
             score.order,
-            own.residual[0],
+            compressed.residual[0],
             score.rss[0]
         );
     }

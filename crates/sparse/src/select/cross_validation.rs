@@ -214,9 +214,9 @@ fn check(full: &Quadratic, splits: &[Split], options: &SelectOptions) -> Result<
         return Err(SelectError::FoldCount { count: 0 });
     }
     for (fold, split) in splits.iter().enumerate() {
-        for found in [split.train.columns(), split.test.coefficients()] {
-            if found != full.columns() {
-                return Err(SparseError::OtherProblem { found, expected: full.columns() }.into());
+        for columns in [split.train.columns(), split.test.coefficients()] {
+            if columns != full.columns() {
+                return Err(SparseError::OtherProblem { found: columns, expected: full.columns() }.into());
             }
         }
         if split.test.weight().is_nan() || split.test.weight() <= 0.0 {
@@ -288,8 +288,8 @@ impl Solver<'_> {
             }
         }
         if on_path < count {
-            let found: Vec<Solution> = self.options.estimator.solutions(problem, penalty, &lambdas[on_path..])?;
-            for (solution, k) in found.iter().zip(on_path..) {
+            let solutions: Vec<Solution> = self.options.estimator.solutions(problem, penalty, &lambdas[on_path..])?;
+            for (solution, k) in solutions.iter().zip(on_path..) {
                 solved.intercepts[k] = solution.intercept;
                 solved.values.col_as_slice_mut(k).copy_from_slice(&solution.dense(self.columns));
                 exact[k] = solution.converged;

@@ -12,13 +12,15 @@ use fleetfoot_sums::structured::{Banks, Structure};
 /// # Errors
 /// When the lengths disagree, or the statistics have no rows.
 pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Result<f64, SelectError> {
-    let (p, found) = (structure.coefficients(), theta.len());
-    if found != p {
-        return Err(SparseError::Length { what: "the coefficients", found, expected: p }.into());
+    let (p, count) = (structure.coefficients(), theta.len());
+    if count != p {
+        return Err(SparseError::Length { what: "the coefficients", found: count, expected: p }.into());
     }
-    let (tasks, found) = (structure.tasks.len(), banks.tasks().len());
-    if found != tasks {
-        return Err(SparseError::Length { what: "the list of the tasks' statistics", found, expected: tasks }.into());
+    let (tasks, count) = (structure.tasks.len(), banks.tasks().len());
+    if count != tasks {
+        return Err(
+            SparseError::Length { what: "the list of the tasks' statistics", found: count, expected: tasks }.into()
+        );
     }
     let mut least: Option<f64> = None;
     let totals = banks.total();
@@ -26,13 +28,13 @@ pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Re
         if structure.tasks[task].prior {
             continue;
         }
-        let own: Vec<f64> = structure.columns(task).into_iter().map(|j| theta[j]).collect();
-        if preconditioner.dimension() != own.len() + 1 {
-            let (found, expected) = (preconditioner.dimension(), own.len() + 1);
-            return Err(SparseError::Length { what: "a task's statistic", found, expected }.into());
+        let coefficients: Vec<f64> = structure.columns(task).into_iter().map(|j| theta[j]).collect();
+        if preconditioner.dimension() != coefficients.len() + 1 {
+            let (dimension, expected) = (preconditioner.dimension(), coefficients.len() + 1);
+            return Err(SparseError::Length { what: "a task's statistic", found: dimension, expected }.into());
         }
         // The residual is linear in the preconditioned row z: `(centre + z A) e`.
-        let error: Vec<f64> = own.iter().map(|theta| -theta).chain([1.0]).collect();
+        let error: Vec<f64> = coefficients.iter().map(|theta| -theta).chain([1.0]).collect();
         let (centre, map) = preconditioner.raw_map();
         let weights = |i: usize| (0..error.len()).map(|j| map[(i, j)] * error[j]).sum::<f64>();
         let weights: Vec<f64> = (0..error.len()).map(weights).collect();
@@ -46,7 +48,7 @@ pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Re
             let mean: f64 = chunk.mean.iter().zip(&weights).map(|(mean, weight)| mean * weight).sum();
             means.add(banks.keys()[k].episode, chunk.weight / unit_weight, &[constant + mean]);
         }
-        let squares = root.error(faer::MatRef::from_column_major_slice(&own, own.len(), 1), &[0.0]);
+        let squares = root.error(faer::MatRef::from_column_major_slice(&coefficients, coefficients.len(), 1), &[0.0]);
         let squares: Vec<f64> = squares.iter().map(|square| square / unit_weight).collect();
         let rows = means.effective_weight(root.rows as f64, &squares);
         least = Some(least.map_or(rows, |least| least.min(rows)));

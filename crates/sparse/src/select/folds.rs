@@ -47,14 +47,14 @@ impl Folds {
     /// # Errors
     /// Folds that cannot be made of these rows, or have no rows on one side: chunks may be longer than the spans that are asked for.
     pub fn of(keys: &[Key], rows: &[u64], rule: FoldRule, purge: Purge) -> Result<Self, SelectError> {
-        let found = Self::laid_out(keys, rows, rule, purge);
-        match (rule, &found) {
+        let laid_out = Self::laid_out(keys, rows, rule, purge);
+        match (rule, &laid_out) {
             (FoldRule::Auto, Err(SelectError::EmptyFold { .. })) => {
                 let fewer =
                     [FoldRule::Count(SPANS), FoldRule::Episodes].map(|rule| Self::laid_out(keys, rows, rule, purge));
-                fewer.into_iter().find(Result::is_ok).unwrap_or(found)
+                fewer.into_iter().find(Result::is_ok).unwrap_or(laid_out)
             }
-            _ => found,
+            _ => laid_out,
         }
     }
 
@@ -154,8 +154,8 @@ impl Folds {
     /// When the shapes disagree, or a fold has no member on one side.
     pub fn new(train: Mat<f64>, test: Mat<f64>) -> Result<Self, SelectError> {
         if train.nrows() != test.nrows() {
-            let (found, expected) = (test.nrows(), train.nrows());
-            return Err(SelectError::Members { what: "the test weights", found, expected });
+            let (rows, expected) = (test.nrows(), train.nrows());
+            return Err(SelectError::Members { what: "the test weights", found: rows, expected });
         }
         if train.ncols() != test.ncols() || train.ncols() == 0 {
             return Err(SelectError::FoldCount { count: train.ncols().min(test.ncols()) });

@@ -47,9 +47,9 @@ impl HeldOut {
         scale: Vec<f64>,
     ) -> Result<Self, SelectError> {
         let expected = structure.tasks.len();
-        for (what, found) in [("the held-out statistics", roots.len()), ("the task weights", assembly.weights.len())] {
-            if found != expected {
-                return Err(SparseError::Length { what, found, expected }.into());
+        for (what, length) in [("the held-out statistics", roots.len()), ("the task weights", assembly.weights.len())] {
+            if length != expected {
+                return Err(SparseError::Length { what, found: length, expected }.into());
             }
         }
         let measured = (0..expected).filter(|&task| !structure.tasks[task].prior);
@@ -107,9 +107,9 @@ impl HeldOut {
         for first in (0..count).step_by(BATCH) {
             let width = BATCH.min(count - first);
             for (t, task) in self.tasks.iter().enumerate() {
-                let found =
+                let squares =
                     task.squares(theta.as_ref().subcols(first, width), &solved.intercepts[first..first + width]);
-                found.iter().enumerate().for_each(|(k, square)| errors[(t, first + k)] = square / task.root.weight);
+                squares.iter().enumerate().for_each(|(k, square)| errors[(t, first + k)] = square / task.root.weight);
             }
         }
         errors
@@ -132,13 +132,19 @@ impl HeldOutTask {
     /// `|R theta - z|^2 + residual + weight (mean error)^2`: a sum of squares throughout, nothing cancels.
     fn squares(&self, theta: MatRef<'_, f64>, intercepts: &[f64]) -> Vec<f64> {
         let (d, root) = (self.columns.len(), &self.root);
-        let own = Mat::from_fn(d, theta.ncols(), |k, l| theta[(self.columns[k], l)]);
+        let coefficients = Mat::from_fn(d, theta.ncols(), |k, l| theta[(self.columns[k], l)]);
         let mut left = Mat::zeros(d, theta.ncols());
-        matmul(left.as_mut(), Accum::Replace, root.r.as_ref(), own.as_ref(), 1.0, Par::Seq);
+        matmul(left.as_mut(), Accum::Replace, root.r.as_ref(), coefficients.as_ref(), 1.0, Par::Seq);
         let square = |l: usize| {
             let z = root.z.col_as_slice(self.target);
-            let shape: f64 = left.col_as_slice(l).iter().zip(z).map(|(found, z)| (found - z) * (found - z)).sum();
-            let predicted: f64 = own.col_as_slice(l).iter().zip(&root.mean_x).map(|(theta, mean)| theta * mean).sum();
+            let shape: f64 = left
+                .col_as_slice(l)
+                .iter()
+                .zip(z)
+                .map(|(col_as_slice, z)| (col_as_slice - z) * (col_as_slice - z))
+                .sum();
+            let predicted: f64 =
+                coefficients.col_as_slice(l).iter().zip(&root.mean_x).map(|(theta, mean)| theta * mean).sum();
             let mean = root.mean_y[self.target] - intercepts[l] - predicted;
             shape + root.residual[self.target].max(0.0) + root.weight * mean * mean
         };

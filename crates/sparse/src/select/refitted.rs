@@ -20,7 +20,7 @@ pub fn held_out_refit<E: From<SelectError> + From<Cancelled> + Send>(
 ) -> Result<Vec<f64>, E> {
     let roots = fold_roots(banks, folds, progress)?;
     let k = folds.len();
-    let found = parallel_map(k, progress, |fold| {
+    let results = parallel_map(k, progress, |fold| {
         let theta = fit(&roots[fold])?;
         let test = &roots[k + fold];
         let errors = structure.errors(test, &theta);
@@ -32,7 +32,7 @@ pub fn held_out_refit<E: From<SelectError> + From<Cancelled> + Send>(
             false => Err(SelectError::EmptyFold { fold, side: "test" }.into()),
         }
     })?;
-    let tasks = found.first().map_or(0, Vec::len);
-    let sum = |task: usize, at: usize| found.iter().map(|squares| squares[task][at]).sum::<f64>();
+    let tasks = results.first().map_or(0, Vec::len);
+    let sum = |task: usize, at: usize| results.iter().map(|squares| squares[task][at]).sum::<f64>();
     Ok((0..tasks).map(|task| sum(task, 0) / sum(task, 1)).collect())
 }

@@ -120,9 +120,9 @@ pub(crate) fn scales(structure: &Structure, roots: &[SquareRoot], weights: &[f64
 /// When lengths disagree, or a weight, a factor or a strength is out of range.
 pub(crate) fn penalty(structure: &Structure, assembly: &Assembly) -> Result<Penalty, SparseError> {
     let (p, latents) = (structure.coefficients(), structure.functions.len());
-    let optional = |found: usize, expected: usize| if found == 0 { expected } else { found };
+    let optional = |length: usize, expected: usize| if length == 0 { expected } else { length };
     let tikhonov = assembly.tikhonov.as_ref();
-    for (what, found, expected) in [
+    for (what, length, expected) in [
         ("the task weights", assembly.weights.len(), structure.tasks.len()),
         ("the penalty factors of the latents", optional(assembly.latents.len(), latents), latents),
         ("the penalty factors", optional(assembly.factors.len(), p), p),
@@ -130,8 +130,8 @@ pub(crate) fn penalty(structure: &Structure, assembly: &Assembly) -> Result<Pena
         ("a row of Gamma", tikhonov.map_or(p, |tikhonov| tikhonov.gamma.ncols()), p),
         ("the prior", tikhonov.map_or(p, |tikhonov| tikhonov.prior.len()), p),
     ] {
-        if found != expected {
-            return Err(SparseError::Length { what, found, expected });
+        if length != expected {
+            return Err(SparseError::Length { what, found: length, expected });
         }
     }
     let weights = assembly.weights.iter().map(|&weight| ("a task weight", weight));
@@ -151,14 +151,14 @@ pub(crate) fn penalty(structure: &Structure, assembly: &Assembly) -> Result<Pena
 }
 
 fn check(structure: &Structure, roots: &[SquareRoot]) -> Result<(), SparseError> {
-    let (found, expected) = (roots.len(), structure.tasks.len());
-    if found != expected {
-        return Err(SparseError::Length { what: "the list of the tasks' statistics", found, expected });
+    let (count, expected) = (roots.len(), structure.tasks.len());
+    if count != expected {
+        return Err(SparseError::Length { what: "the list of the tasks' statistics", found: count, expected });
     }
     for (task, root) in roots.iter().enumerate() {
-        let (found, expected) = (root.regressors(), structure.columns(task).len());
-        if found != expected {
-            return Err(SparseError::Length { what: "a task's statistic", found, expected });
+        let (regressors, expected) = (root.regressors(), structure.columns(task).len());
+        if regressors != expected {
+            return Err(SparseError::Length { what: "a task's statistic", found: regressors, expected });
         }
     }
     Ok(())

@@ -62,21 +62,21 @@ pub fn score_supports(
     order.sort_by_key(|&k| std::cmp::Reverse(steps[k].terms()));
     let scored = parallel_map(folds.len(), progress, |fold| {
         let mut errors = refitted_errors(&folds[fold], fold, steps, &order, (target, terms), optimizer)?;
-        let found = scored_as(steps, &folds[fold], errors.clone());
+        let scored_fold = scored_as(steps, &folds[fold], errors.clone());
         let test = &folds[fold].test;
         let least = test.resolution[target].max(rounding(test, target) / test.weight);
         errors.iter_mut().for_each(|error| *error = error.max(least));
-        Ok::<_, ThresholdError>((found, scored_as(steps, &folds[fold], errors)))
+        Ok::<_, ThresholdError>((scored_fold, scored_as(steps, &folds[fold], errors)))
     })?;
-    let (found, compared): (Vec<Scored>, Vec<Scored>) = scored.into_iter().unzip();
+    let (scores, compared): (Vec<Scored>, Vec<Scored>) = scored.into_iter().unzip();
     let parameters: Vec<f64> = steps.iter().map(|step| step.parameter).collect();
-    let found = CrossValidation::new(parameters.clone(), &found, overlap)?;
+    let cross_validation = CrossValidation::new(parameters.clone(), &scores, overlap)?;
     let compared = CrossValidation::new(parameters, &compared, overlap)?;
     let (best, one_standard_error) = choose(steps, &compared);
     Ok(FoldScores {
-        errors: found.errors,
-        mean: found.mean,
-        standard_error: found.standard_error,
+        errors: cross_validation.errors,
+        mean: cross_validation.mean,
+        standard_error: cross_validation.standard_error,
         best,
         one_standard_error,
     })
@@ -123,13 +123,13 @@ fn refitted_errors(
 ) -> Result<Vec<f64>, ThresholdError> {
     let FoldProblem { train, test } = fold;
     let columns = steps[0].coefficients.len();
-    for (what, found) in [("the training problem of fold", train), ("the held-out problem of fold", test)] {
-        if found.columns() != columns || found.targets() <= target {
+    for (what, size) in [("the training problem of fold", train), ("the held-out problem of fold", test)] {
+        if size.columns() != columns || size.targets() <= target {
             return Err(ThresholdError::OtherProblem {
                 what,
                 index,
-                columns: found.columns(),
-                targets: found.targets(),
+                columns: size.columns(),
+                targets: size.targets(),
                 expected_columns: columns,
                 expected_targets: target + 1,
             });
@@ -150,8 +150,8 @@ fn refitted_errors(
         |support: &[usize], values: &dyn Fn(usize) -> f64| squared_error(test, target, support, values) / test.weight;
     let mut errors = vec![f64::NAN; steps.len()];
     if alpha == 0.0 {
-        let found = refit_supports(train, target, terms, &supports)?;
-        for (&k, model) in order.iter().zip(&found) {
+        let refits = refit_supports(train, target, terms, &supports)?;
+        for (&k, model) in order.iter().zip(&refits) {
             errors[k] = error(&model.support, &|place| model.coefficients[model.support[place]]);
         }
     } else {

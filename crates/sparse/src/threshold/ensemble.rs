@@ -76,7 +76,7 @@ pub fn ensemble(
     }
     let models = replicates.len().max(1) * options.draws;
     progress.stage("models of the ensemble");
-    let found = parallel_map(models * targets, progress, |at| {
+    let models_of_members = parallel_map(models * targets, progress, |at| {
         let (target, model) = (at / models, at % models);
         let rows = replicates.get(model / options.draws).unwrap_or(problem);
         let offered = offer(problem, &terms[target], options, model)?;
@@ -85,8 +85,8 @@ pub fn ensemble(
         let coefficients = step.support.iter().map(|&j| (j, step.coefficients[j])).collect();
         Ok::<_, ThresholdError>(Model { offered, coefficients })
     })?;
-    let all = found.chunks(models).enumerate();
-    all.map(|(target, found)| summary(problem, target, &terms[target], found, options)).collect()
+    let all = models_of_members.chunks(models).enumerate();
+    all.map(|(target, members)| summary(problem, target, &terms[target], members, options)).collect()
 }
 
 /// One model of the ensemble.

@@ -192,8 +192,8 @@ impl Joint {
     /// Histories that ended sooner stay where they ended.
     fn of(steps: Vec<Step>, histories: Vec<Vec<Vec<f64>>>, converged: bool) -> Self {
         let most = histories.iter().map(Vec::len).max().unwrap_or(0);
-        let history = (0..most).map(|k| histories.iter().map(|own| at(own, k).clone()).collect()).collect();
-        let decided = histories.iter().map(|own| at(own, most).clone()).collect();
+        let history = (0..most).map(|k| histories.iter().map(|history| at(history, k).clone()).collect()).collect();
+        let decided = histories.iter().map(|history| at(history, most).clone()).collect();
         let iterations = most.saturating_sub(1);
         Self { steps, decided, history, relaxed: Vec::new(), ratios: Vec::new(), iterations, converged }
     }
@@ -211,12 +211,12 @@ fn spread(problem: &Compressed, columns: &[usize], values: &[f64]) -> Vec<f64> {
     all
 }
 
-fn check_number(problem: &Compressed, found: usize) -> Result<(), ThresholdError> {
+fn check_number(problem: &Compressed, number: usize) -> Result<(), ThresholdError> {
     let expected = problem.targets();
-    if found == expected && found > 0 {
+    if number == expected && number > 0 {
         return Ok(());
     }
-    Err(SparseError::Length { what: "the options of the targets", found, expected }.into())
+    Err(SparseError::Length { what: "the options of the targets", found: number, expected }.into())
 }
 
 #[cfg(test)]

@@ -203,11 +203,11 @@ impl<'a> Prepared<'a> {
             magnitude: noise,
         };
         let lengths: Vec<f64> = columns.iter().map(|&j| self.length[j]).collect();
-        let found = least_squares(&root, &lengths);
+        let least_squares = least_squares(&root, &lengths);
         let name = |group: &Vec<usize>| group.iter().map(|&place| columns[place]).collect();
         Solved {
-            values: found.coefficients.col_as_slice(0).to_vec(),
-            confounded: found.confounded.iter().map(name).collect(),
+            values: least_squares.coefficients.col_as_slice(0).to_vec(),
+            confounded: least_squares.confounded.iter().map(name).collect(),
         }
     }
 
@@ -226,8 +226,8 @@ impl<'a> Prepared<'a> {
         let size = self.target_length(target);
         let gradient = |&j: &usize| {
             let with: f64 = self.problem.r.col_as_slice(j)[..=j].iter().zip(&left).map(|(r, left)| r * left).sum();
-            let own = if ridged { self.ridge[j] * coefficients[j] } else { 0.0 };
-            let against = self.inwards(j, coefficients[j], with - own);
+            let ridge = if ridged { self.ridge[j] * coefficients[j] } else { 0.0 };
+            let against = self.inwards(j, coefficients[j], with - ridge);
             if size > 0.0 { against / (self.length[j] * size) } else { 0.0 }
         };
         let correlation = support.iter().map(gradient).fold(0.0, f64::max);

@@ -138,10 +138,10 @@ mod tests {
             }
             walk.push(next);
         }
-        let found = refit_supports(&problem, 0, &Terms::all(), &walk).unwrap();
+        let refits = refit_supports(&problem, 0, &Terms::all(), &walk).unwrap();
         let prepared = Prepared::new(&problem, &Terms::all(), Scaling::Physical, 0.0).unwrap();
         let mut confounded = 0;
-        for (step, support) in found.iter().zip(&walk) {
+        for (step, support) in refits.iter().zip(&walk) {
             assert_eq!(&step.support, support);
             let alone = prepared.step(0, support.clone(), prepared.refit(support, 0), false);
             assert_eq!(step.confounded, alone.confounded);

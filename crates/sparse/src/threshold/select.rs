@@ -122,21 +122,21 @@ fn compare(
 }
 
 pub(super) fn check_terms(terms: &[Terms], targets: usize) -> Result<(), ThresholdError> {
-    let found = terms.len();
-    if found == targets {
+    let count = terms.len();
+    if count == targets {
         return Ok(());
     }
-    Err(crate::SparseError::Length { what: "the list of the targets' terms", found, expected: targets }.into())
+    Err(crate::SparseError::Length { what: "the list of the targets' terms", found: count, expected: targets }.into())
 }
 
 pub(super) fn same_shape(
     what: &'static str,
     index: usize,
-    found: &Compressed,
+    compressed: &Compressed,
     expected: &Compressed,
 ) -> Result<(), ThresholdError> {
     let shape = |problem: &Compressed| (problem.columns(), problem.targets());
-    let ((columns, targets), (expected_columns, expected_targets)) = (shape(found), shape(expected));
+    let ((columns, targets), (expected_columns, expected_targets)) = (shape(compressed), shape(expected));
     if (columns, targets) == (expected_columns, expected_targets) {
         return Ok(());
     }

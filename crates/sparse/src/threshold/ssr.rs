@@ -169,23 +169,23 @@ fn without_held(
         constants
     };
     // What the columns that are free leave of the target is dropped with the others' rows, so it is added: the errors of all removals are compared.
-    let error = |constants: &[f64], own: &[f64]| {
+    let error = |constants: &[f64], diagonal: &[f64]| {
         let mut all = constants.to_vec();
-        free.iter().zip(own).for_each(|(&place, value)| all[place] = *value);
+        free.iter().zip(diagonal).for_each(|(&place, value)| all[place] = *value);
         plain.less(&all).z(0).iter().map(|left| left * left).sum::<f64>()
     };
     let mut losses = vec![0.0; active.len()];
     let kept = constants(None);
     let (shifted, below) = (plain.less(&kept).select(&free, 0), ridged.less(&kept).select(&free, 0));
-    let own: Vec<f64> = free.iter().map(|&place| values[place]).collect();
-    let dropped = error(&kept, &own) - shifted.less(&own).z(0).iter().map(|left| left * left).sum::<f64>();
-    for (&place, loss) in free.iter().zip(without(&shifted, &below, &own)) {
+    let diagonal: Vec<f64> = free.iter().map(|&place| values[place]).collect();
+    let dropped = error(&kept, &diagonal) - shifted.less(&diagonal).z(0).iter().map(|left| left * left).sum::<f64>();
+    for (&place, loss) in free.iter().zip(without(&shifted, &below, &diagonal)) {
         losses[place] = loss + dropped;
     }
     for &place in held {
         let constants = constants(Some(place));
-        let found = prepared.solve_free(&ridged.less(&constants).select(&free, 0), &columns);
-        losses[place] = error(&constants, &found.values);
+        let free_values = prepared.solve_free(&ridged.less(&constants).select(&free, 0), &columns);
+        losses[place] = error(&constants, &free_values.values);
     }
     losses
 }

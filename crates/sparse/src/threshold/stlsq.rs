@@ -56,8 +56,8 @@ impl Stlsq {
         }
         match &self.initial {
             Some(initial) if initial.len() != columns => {
-                let (found, expected) = (initial.len(), columns);
-                Err(SparseError::Length { what: "the first guess", found, expected }.into())
+                let (count, expected) = (initial.len(), columns);
+                Err(SparseError::Length { what: "the first guess", found: count, expected }.into())
             }
             _ => Ok(()),
         }

@@ -46,8 +46,8 @@ impl Rivals {
             }
         }
         for (wanted, alone) in [(self.alone.is_some(), self.alone), (self.zero, None)] {
-            let own = |j: &usize| prepared.fixed[*j] || alone == Some(*j);
-            let support: Vec<usize> = prepared.open.iter().copied().filter(own).collect();
+            let is_kept = |j: &usize| prepared.fixed[*j] || alone == Some(*j);
+            let support: Vec<usize> = prepared.open.iter().copied().filter(is_kept).collect();
             if wanted {
                 let step = prepared.step(target, support.clone(), prepared.refit(&support, target), false);
                 let parameter = parameter(&prepared, target, optimizer, &step);

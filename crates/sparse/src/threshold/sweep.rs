@@ -189,13 +189,13 @@ impl Swept<'_> {
             return Err(ThresholdError::Nothing { what, mend: "give a grid or a list of lambdas" });
         }
         let largest = self.parameter(self.largest(target));
-        let (mut found, mut parameter) = (Vec::<Reign>::new(), 0.0_f64);
+        let (mut reigns, mut parameter) = (Vec::<Reign>::new(), 0.0_f64);
         for tried in 0..most.max(2) {
             let Run { step, least, .. } = self.run(target, parameter);
             let to = self.parameter(least);
-            match found.last_mut().filter(|last| last.step.support == step.support) {
+            match reigns.last_mut().filter(|last| last.step.support == step.support) {
                 Some(last) => (last.to, last.one_way) = (to, false),
-                None => found.push(Reign { step, from: parameter, to, one_way: parameter > 0.0 }),
+                None => reigns.push(Reign { step, from: parameter, to, one_way: parameter > 0.0 }),
             }
             if !least.is_finite() {
                 break;
@@ -211,7 +211,7 @@ impl Swept<'_> {
             (middle, true) => self.moved(reign.step, middle),
             (middle, false) => self.run(target, middle).step,
         };
-        let mut steps: Vec<Step> = found.into_iter().map(at_middle).collect();
+        let mut steps: Vec<Step> = reigns.into_iter().map(at_middle).collect();
         steps.reverse();
         Ok(steps)
     }

@@ -35,9 +35,9 @@ impl Terms {
     pub(super) fn checked(&self, problem: &Compressed) -> Result<Checked, ThresholdError> {
         let columns = problem.columns();
         if let Some(allowed) = self.allowed.as_ref().filter(|allowed| allowed.len() != columns) {
-            let (found, expected) = (allowed.len(), columns);
+            let (count, expected) = (allowed.len(), columns);
             let what = "the list of allowed columns";
-            return Err(crate::SparseError::Length { what, found, expected }.into());
+            return Err(crate::SparseError::Length { what, found: count, expected }.into());
         }
         let allowed = |j: usize| self.allowed.as_ref().is_none_or(|allowed| allowed[j]);
         let mut fixed = vec![false; columns];
@@ -52,8 +52,8 @@ impl Terms {
         }
         let bounds = self.bounds.clone().unwrap_or_default();
         if !bounds.is_empty() && bounds.len() != columns {
-            let (what, found) = ("the list of bounds", bounds.len());
-            return Err(crate::SparseError::Length { what, found, expected: columns }.into());
+            let (what, count) = ("the list of bounds", bounds.len());
+            return Err(crate::SparseError::Length { what, found: count, expected: columns }.into());
         }
         for (column, &[low, high]) in bounds.iter().enumerate() {
             // NaN bounds nothing and is never meant.

@@ -68,13 +68,13 @@ impl Triangle {
 
     /// The same columns, the first right-hand side less what these coefficients (k) explain of it.
     pub(super) fn less(&self, coefficients: &[f64]) -> Self {
-        let mut found = self.clone();
+        let mut selected = self.clone();
         let mut left = self.z(0).to_vec();
         for (j, coefficient) in coefficients.iter().enumerate().filter(|(_, coefficient)| **coefficient != 0.0) {
             left.iter_mut().zip(&self.values.column(j)[..=j]).for_each(|(left, r)| *left -= coefficient * r);
         }
-        found.values.column_mut(self.columns)[..self.columns].copy_from_slice(&left);
-        found
+        selected.values.column_mut(self.columns)[..self.columns].copy_from_slice(&left);
+        selected
     }
 
     /// Householder reduction of columns that end at the rows `last`, ascending; right-hand sides stand behind them.
@@ -112,14 +112,14 @@ mod tests {
     }
 
     /// `R'R` and `R'z` of a triangle are those of the rows it was made from.
-    fn same(found: &Triangle, product: impl Fn(usize, usize) -> f64, with_target: impl Fn(usize) -> f64) {
-        let k = found.columns();
+    fn same(triangle: &Triangle, product: impl Fn(usize, usize) -> f64, with_target: impl Fn(usize) -> f64) {
+        let k = triangle.columns();
         for a in 0..k {
             for b in 0..=a {
-                let made: f64 = (0..=b).map(|i| found.r(i, a) * found.r(i, b)).sum();
+                let made: f64 = (0..=b).map(|i| triangle.r(i, a) * triangle.r(i, b)).sum();
                 assert!((made - product(a, b)).abs() < 1e-12, "{a} {b}: {made} {}", product(a, b));
             }
-            let made: f64 = (0..=a).map(|i| found.r(i, a) * found.z(0)[i]).sum();
+            let made: f64 = (0..=a).map(|i| triangle.r(i, a) * triangle.z(0)[i]).sum();
             assert!((made - with_target(a)).abs() < 1e-12);
         }
     }
@@ -131,8 +131,8 @@ mod tests {
             let z = Mat::from_fn(p, 2, |i, t| value(i + 3, p + t));
             let diagonal: Vec<f64> = (0..p).map(|j| if j % 3 == 1 { 0.0 } else { 0.5 + j as f64 }).collect();
             let products = |a: usize, b: usize| {
-                let own: f64 = (0..p).map(|i| r[(i, a)] * r[(i, b)]).sum();
-                own + if a == b { diagonal[a] * diagonal[a] } else { 0.0 }
+                let product: f64 = (0..p).map(|i| r[(i, a)] * r[(i, b)]).sum();
+                product + if a == b { diagonal[a] * diagonal[a] } else { 0.0 }
             };
             let with_target = |t: usize| {
                 move |a: usize| -> f64 {
@@ -161,17 +161,17 @@ mod tests {
                 0.0
             }
         });
-        let found = Triangle::stacked(r.as_ref(), Mat::zeros(6, 1).as_ref(), &[0.0; 6]);
+        let triangle = Triangle::stacked(r.as_ref(), Mat::zeros(6, 1).as_ref(), &[0.0; 6]);
         let x: Vec<f64> = (0..6).map(|i| value(i, 1)).collect();
         let mut back: Vec<f64> = (0..6).map(|i| (i..6).map(|j| r[(i, j)] * x[j]).sum()).collect();
-        found.solve(&mut back);
+        triangle.solve(&mut back);
         let mut turned: Vec<f64> = (0..6).map(|j| (0..=j).map(|i| r[(i, j)] * x[i]).sum()).collect();
-        found.solve_transposed(&mut turned);
+        triangle.solve_transposed(&mut turned);
         assert!((0..6).all(|i| (back[i] - x[i]).abs() < 1e-13 && (turned[i] - x[i]).abs() < 1e-13));
         // [1 c; 0 s] with c^2 + s^2 = 1 has the least singular value sqrt(1 - c).
         let (c, s) = (0.999_f64, (1.0_f64 - 0.999 * 0.999).sqrt());
         let r = Mat::from_fn(2, 2, |i, j| [[5.0, c], [0.0, s]][i][j]);
-        let found = Triangle::stacked(r.as_ref(), Mat::zeros(2, 1).as_ref(), &[0.0; 2]).least(&[5.0, 1.0]);
-        assert!((found / (1.0 - c).sqrt() - 1.0).abs() < 1e-6, "{found}");
+        let least = Triangle::stacked(r.as_ref(), Mat::zeros(2, 1).as_ref(), &[0.0; 2]).least(&[5.0, 1.0]);
+        assert!((least / (1.0 - c).sqrt() - 1.0).abs() < 1e-6, "{least}");
     }
 }

@@ -115,10 +115,10 @@ fn lasso(structure: &Structure, roots: &[SquareRoot], assembly: &Assembly, lambd
 }
 
 /// Largest difference of coefficients, in units of each column's largest over the replicates.
-fn compare(found: &Selection, replicate: usize, expected: &[f64], tolerance: f64) {
+fn compare(selection: &Selection, replicate: usize, expected: &[f64], tolerance: f64) {
     for (j, expected) in expected.iter().enumerate() {
-        let largest = found.coefficients.col_as_slice(j).iter().fold(expected.abs(), |a, b| a.max(b.abs()));
-        let ours = found.coefficients[(replicate, j)];
+        let largest = selection.coefficients.col_as_slice(j).iter().fold(expected.abs(), |a, b| a.max(b.abs()));
+        let ours = selection.coefficients[(replicate, j)];
         assert!((ours - expected).abs() <= tolerance * largest, "replicate {replicate}, column {j}: {ours} {expected}");
         assert_eq!(ours != 0.0, *expected != 0.0, "replicate {replicate}, column {j}");
     }
@@ -142,25 +142,25 @@ fn a_row_replicate_is_the_lasso_of_its_repeated_rows() {
         assembly.latents = vec![1.0, 0.5, 2.0];
         let plan = Plan::new(regression.clone(), Vec::new(), 100, &source).expect("a plan");
         let options = BootstrapOptions { replicates: 9, seed, ..BootstrapOptions::new(lambda) };
-        let found = row_bootstrap(&plan, &assembly, &source, &options, &Silent).expect("a selection");
-        assert!(found.worst_kkt < 1e-9 && found.stalled == 0 && found.empty == 0);
+        let bootstrap = row_bootstrap(&plan, &assembly, &source, &options, &Silent).expect("a selection");
+        assert!(bootstrap.worst_kkt < 1e-9 && bootstrap.stalled == 0 && bootstrap.empty == 0);
         let counts: Vec<Mat<f64>> =
             source.episodes().iter().map(|info| poisson_counts(seed, info.id, 0, info.rows, 9)).collect();
         for replicate in 0..9 {
             let roots = repeated(&regression, &source, |episode, row| counts[episode][(replicate, row)]);
             let (expected, n) = lasso(&regression.structure(), &roots, &assembly, lambda);
-            compare(&found, replicate, &expected, 1e-9);
-            assert!((found.weights[replicate] / n - 1.0).abs() < 1e-12);
+            compare(&bootstrap, replicate, &expected, 1e-9);
+            assert!((bootstrap.weights[replicate] / n - 1.0).abs() < 1e-12);
         }
         // The summary is that of the coefficients.
         for j in 0..regression.coefficients() {
-            let selected = (0..9).filter(|&k| found.coefficients[(k, j)] != 0.0).count();
-            assert_eq!(found.frequency[j], selected as f64 / 9.0);
-            assert_eq!(found.support(1.0).contains(&j), selected == 9);
-            assert_eq!(found.support(5.0 / 9.0).contains(&j), selected >= 5);
+            let selected = (0..9).filter(|&k| bootstrap.coefficients[(k, j)] != 0.0).count();
+            assert_eq!(bootstrap.frequency[j], selected as f64 / 9.0);
+            assert_eq!(bootstrap.support(1.0).contains(&j), selected == 9);
+            assert_eq!(bootstrap.support(5.0 / 9.0).contains(&j), selected >= 5);
         }
-        assert_eq!(found.support, found.support(1.0));
-        assert!(found.sizes.iter().sum::<usize>() > 0);
+        assert_eq!(bootstrap.support, bootstrap.support(1.0));
+        assert!(bootstrap.sizes.iter().sum::<usize>() > 0);
     }
 }
 
@@ -177,7 +177,7 @@ fn a_block_replicate_is_the_lasso_of_its_reweighted_statistic() {
         let plan = Plan::new(regression, Vec::new(), 32, &source).expect("a plan");
         let banks = Banks::new(&plan.scan(&source, &Silent).expect("a scan"), |_| true);
         let options = BootstrapOptions { replicates: 40, seed: 11, ..BootstrapOptions::new(0.01) };
-        let found = block_bootstrap(&structure, &banks, &assembly, unit, &options, &Silent).expect("a selection");
+        let bootstrap = block_bootstrap(&structure, &banks, &assembly, unit, &options, &Silent).expect("a selection");
         let keys = banks.keys();
         let mut unit_of = vec![0; keys.len()];
         for k in 1..keys.len() {
@@ -194,10 +194,10 @@ fn a_block_replicate_is_the_lasso_of_its_reweighted_statistic() {
             let weights = Mat::from_fn(keys.len(), 1, |k, _| counts[unit_of[k]]);
             let roots = banks.roots(weights.as_ref()).remove(0);
             let (expected, n) = lasso(&structure, &roots, &assembly, 0.01);
-            compare(&found, replicate, &expected, 1e-9);
-            assert!((found.weights[replicate] / n - 1.0).abs() < 1e-12);
+            compare(&bootstrap, replicate, &expected, 1e-9);
+            assert!((bootstrap.weights[replicate] / n - 1.0).abs() < 1e-12);
         }
-        assert!(found.worst_kkt < 1e-9);
+        assert!(bootstrap.worst_kkt < 1e-9);
     }
 }
 
@@ -286,12 +286,12 @@ fn degenerate_input_has_an_answer_or_a_reason() {
     // A column of zeros, two duplicates and a multiple, a constant: certified, and at most one of the duplicates in any replicate.
     let many = source(7, &[150, 80], false);
     let (rows, blocks) = run(single(&["a", "0*b", "b", "b", "3*b", "1", "2"]), &many, &options);
-    for found in [rows.expect("a selection"), blocks.expect("a selection")] {
-        assert!(found.worst_kkt < 1e-8 && found.unconverged == 0, "{found:?}");
-        assert_eq!(found.frequency[1], 0.0);
+    for selection in [rows.expect("a selection"), blocks.expect("a selection")] {
+        assert!(selection.worst_kkt < 1e-8 && selection.unconverged == 0, "{selection:?}");
+        assert_eq!(selection.frequency[1], 0.0);
         for replicate in 0..64 {
             let taken =
-                |columns: &[usize]| columns.iter().filter(|&&j| found.coefficients[(replicate, j)] != 0.0).count();
+                |columns: &[usize]| columns.iter().filter(|&&j| selection.coefficients[(replicate, j)] != 0.0).count();
             assert!(taken(&[2, 3, 4]) <= 1 && taken(&[5, 6]) <= 1);
         }
     }
@@ -405,9 +405,9 @@ fn recovery(n: usize, trials: u64, correlated: bool) -> [f64; 2] {
         let lasso: Vec<usize> = (0..8).filter(|&j| theta[j] != 0.0).collect();
         let plan = Plan::new(regression, Vec::new(), 4096, &source).expect("a plan");
         let options = BootstrapOptions { replicates: 256, seed: trial, ..BootstrapOptions::new(lambda) };
-        let found = row_bootstrap(&plan, &assembly, &source, &options, &Silent).expect("a selection");
+        let bootstrap = row_bootstrap(&plan, &assembly, &source, &options, &Silent).expect("a selection");
         right[0] += f64::from(u8::from(lasso == [0, 1]));
-        right[1] += f64::from(u8::from(found.support == [0, 1]));
+        right[1] += f64::from(u8::from(bootstrap.support == [0, 1]));
     }
     right.map(|right| right / trials as f64)
 }
@@ -436,25 +436,26 @@ fn stability_selection_finds_the_truth_within_its_bound() {
         let options = StabilityOptions { pairs: 50, lambdas: vec![0.5, 0.2, 0.12, 0.08], seed, threshold: 0.8 };
         let structure = regression.structure();
         let unit = BootstrapUnit::Chunk;
-        let found = stability_selection(&structure, &banks, &assembly, unit, &options, &Silent).expect("a selection");
-        assert!(found.worst_kkt < 1e-8 && found.stalled == 0);
-        assert!(found.support.starts_with(&[0, 1]), "{found:?}");
-        false_columns += (found.support.len() - 2) as f64;
-        bounds += found.bound;
-        assert!((found.bound - found.selected.powi(2) / (0.6 * 8.0)).abs() < 1e-12);
+        let selection =
+            stability_selection(&structure, &banks, &assembly, unit, &options, &Silent).expect("a selection");
+        assert!(selection.worst_kkt < 1e-8 && selection.stalled == 0);
+        assert!(selection.support.starts_with(&[0, 1]), "{selection:?}");
+        false_columns += (selection.support.len() - 2) as f64;
+        bounds += selection.bound;
+        assert!((selection.bound - selection.selected.powi(2) / (0.6 * 8.0)).abs() < 1e-12);
         for j in 0..8 {
-            let by: Vec<f64> = found.by_lambda.iter().map(|frequency| frequency[j]).collect();
-            assert_eq!(found.frequency[j], by.iter().copied().fold(0.0, f64::max));
+            let by: Vec<f64> = selection.by_lambda.iter().map(|frequency| frequency[j]).collect();
+            assert_eq!(selection.frequency[j], by.iter().copied().fold(0.0, f64::max));
             // Halves are counted, 100 of them.
             assert!(by.iter().all(|f| ((f * 100.0).round() - f * 100.0).abs() < 1e-9));
         }
         // The mean number of selected columns at a lambda is the sum of the frequencies; somewhere on the grid is at least that.
-        let sizes = found.by_lambda.iter().map(|frequency| frequency.iter().sum::<f64>());
-        assert!(sizes.fold(0.0, f64::max) <= found.selected + 1e-9);
+        let sizes = selection.by_lambda.iter().map(|frequency| frequency.iter().sum::<f64>());
+        assert!(sizes.fold(0.0, f64::max) <= selection.selected + 1e-9);
         // A grid of one lambda, by hand from the statistic's halves at that lambda: the frequencies do not depend on the grid.
         let alone = StabilityOptions { lambdas: vec![0.12], ..options };
         let alone = stability_selection(&structure, &banks, &assembly, unit, &alone, &Silent).expect("a selection");
-        assert_eq!(alone.frequency, found.by_lambda[2]);
+        assert_eq!(alone.frequency, selection.by_lambda[2]);
     }
     assert!(false_columns / runs as f64 <= bounds / runs as f64, "{false_columns} {bounds}");
     let (source, regression) = linear(1, 50, false);

@@ -25,8 +25,8 @@ fn noise(key: u64) -> f64 {
 /// Rows `[x y]` of p correlated columns in different units; the target has every other one, with changing signs.
 fn rows(seed: u64, n: usize, p: usize, error: f64) -> Mat<f64> {
     let x = |i: usize, j: usize| {
-        let own = noise(seed ^ ((i * 131 + j) as u64 + 1).wrapping_mul(0x9e37_79b9));
-        10_f64.powi(j as i32 % 3 - 1) * (own + 0.8 * noise(seed ^ (i as u64) << 32))
+        let uniform = noise(seed ^ ((i * 131 + j) as u64 + 1).wrapping_mul(0x9e37_79b9));
+        10_f64.powi(j as i32 % 3 - 1) * (uniform + 0.8 * noise(seed ^ (i as u64) << 32))
     };
     let truth = |j: usize| [1.0, 0.0, -0.6, 0.0, 0.3][j % 5] / 10_f64.powi(j as i32 % 3 - 1);
     Mat::from_fn(n, p + 1, |i, j| match j {
@@ -48,10 +48,10 @@ fn by_trial(rows: &Mat<f64>, bounds: &[[f64; 2]]) -> (Vec<f64>, f64) {
         }
         let free: Vec<usize> = (0..p).filter(|&j| state[j] == 0).collect();
         let left = Mat::from_fn(rows.nrows(), 1, |i, _| y[i] - (0..p).map(|j| x[(i, j)] * b[j]).sum::<f64>());
-        let own = Mat::from_fn(rows.nrows(), free.len(), |i, k| x[(i, free[k])]);
+        let design = Mat::from_fn(rows.nrows(), free.len(), |i, k| x[(i, free[k])]);
         if !free.is_empty() {
-            let found = (own.transpose() * &own).partial_piv_lu().solve(own.transpose() * &left);
-            free.iter().enumerate().for_each(|(k, &j)| b[j] = found[(k, 0)]);
+            let least = (design.transpose() * &design).partial_piv_lu().solve(design.transpose() * &left);
+            free.iter().enumerate().for_each(|(k, &j)| b[j] = least[(k, 0)]);
         }
         let rss: f64 = (0..rows.nrows()).map(|i| (y[i] - (0..p).map(|j| x[(i, j)] * b[j]).sum::<f64>()).powi(2)).sum();
         if b.iter().zip(bounds).all(|(b, [low, high])| low <= b && b <= high) && rss < best.1 {
@@ -90,15 +90,15 @@ proptest! {
         let bounds: Vec<[f64; 2]> =
             kinds.iter().enumerate().map(|(j, &kind)| bound(kind, 10_f64.powi(1 - j as i32 % 3))).collect();
         let problem = compressed(&rows, 1, false);
-        let found = optimize(&problem, 0, &Optimizer::LeastSquares, &bounded(&bounds)).unwrap();
-        let step = found.choice();
+        let models = optimize(&problem, 0, &Optimizer::LeastSquares, &bounded(&bounds)).unwrap();
+        let step = models.choice();
         let (b, rss) = by_trial(&rows, &bounds);
         // Condition 1e2 and its square in the oracle's normal equations.
-        for (j, (found, b)) in step.coefficients.iter().zip(&b).enumerate() {
+        for (j, (coefficient, b)) in step.coefficients.iter().zip(&b).enumerate() {
             let unit = 10_f64.powi(j as i32 % 3 - 1);
-            prop_assert!((found - b).abs() * unit <= 1e-9, "{j}: {found} {b}");
-            prop_assert!(bounds[j][0] <= *found && *found <= bounds[j][1]);
-            prop_assert_eq!(step.support.contains(&j), *found != 0.0);
+            prop_assert!((coefficient - b).abs() * unit <= 1e-9, "{j}: {coefficient} {b}");
+            prop_assert!(bounds[j][0] <= *coefficient && *coefficient <= bounds[j][1]);
+            prop_assert_eq!(step.support.contains(&j), *coefficient != 0.0);
         }
         prop_assert!((step.rss - rss).abs() <= 1e-10 * rss.max(1.0));
         prop_assert!(step.certificate.correlation <= 1e-12, "{}", step.certificate.correlation);
@@ -117,8 +117,8 @@ fn many_columns_meet_the_conditions_and_agree_with_the_interior_point() {
         let bounds: Vec<[f64; 2]> =
             (0..p).map(|j| bound((j * 7 + seed as usize) % 6, 10_f64.powi(1 - j as i32 % 3))).collect();
         let problem = compressed(&rows, 1, false);
-        let found = optimize(&problem, 0, &Optimizer::LeastSquares, &bounded(&bounds)).unwrap();
-        let step = found.choice();
+        let models = optimize(&problem, 0, &Optimizer::LeastSquares, &bounded(&bounds)).unwrap();
+        let step = models.choice();
         assert!(step.certificate.correlation <= 1e-11, "{seed}: {}", step.certificate.correlation);
         let other = interior_point(&rows, &bounds);
         let scale = |j: usize| 10_f64.powi(j as i32 % 3 - 1);
@@ -148,9 +148,9 @@ fn interior_point(rows: &Mat<f64>, bounds: &[[f64; 2]]) -> Vec<f64> {
     let assembled = assemble(&structure, &[factor.square_root()], &assembly).unwrap();
     let constraints = Constraints { bounds: bounds.to_vec(), ..Constraints::default() };
     let options = ConstrainedOptions::default();
-    let found = constrained(&assembled, &constraints, Strength::lasso(0.0), None, &options).unwrap();
-    assert_eq!(found.status, ConstrainedStatus::Solved);
-    found.theta
+    let fit = constrained(&assembled, &constraints, Strength::lasso(0.0), None, &options).unwrap();
+    assert_eq!(fit.status, ConstrainedStatus::Solved);
+    fit.theta
 }
 
 /// Signs against some of the truth: columns 2 and 7 may not be negative, column 4 not positive.
@@ -163,8 +163,8 @@ fn against(p: usize) -> Vec<[f64; 2]> {
 
 fn folds(rows: &Mat<f64>, count: usize) -> Vec<FoldProblem> {
     let part = |fold: usize, inside: bool| {
-        let own: Vec<usize> = (0..rows.nrows()).filter(|i| (i % count == fold) == inside).collect();
-        compressed(&Mat::from_fn(own.len(), rows.ncols(), |i, j| rows[(own[i], j)]), 1, false)
+        let members: Vec<usize> = (0..rows.nrows()).filter(|i| (i % count == fold) == inside).collect();
+        compressed(&Mat::from_fn(members.len(), rows.ncols(), |i, j| rows[(members[i], j)]), 1, false)
     };
     (0..count).map(|fold| FoldProblem { train: part(fold, false), test: part(fold, true) }).collect()
 }
@@ -192,8 +192,8 @@ fn every_model_of_a_sweep_is_the_best_that_keeps_its_bounds() {
     let (problem, bounds) = (compressed(&rows, 1, false), against(p));
     for optimizer in keeping() {
         let plain = !matches!(&optimizer, Optimizer::Stlsq(stlsq) if !stlsq.unbias);
-        let found = swept(&problem, &folds(&rows, 5), &bounded(&bounds), &optimizer);
-        for step in &found.trail.steps {
+        let models = swept(&problem, &folds(&rows, 5), &bounded(&bounds), &optimizer);
+        for step in &models.trail.steps {
             assert!(step.support.contains(&5), "the bounds of column 5 exclude 0: {:?}", step.support);
             for (j, b) in step.coefficients.iter().enumerate() {
                 assert!(bounds[j][0] <= *b && *b <= bounds[j][1], "{optimizer:?} {j}: {b}");
@@ -201,9 +201,9 @@ fn every_model_of_a_sweep_is_the_best_that_keeps_its_bounds() {
             }
             assert!(step.certificate.correlation < 1e-11, "{optimizer:?}: {}", step.certificate.correlation);
             if plain {
-                let own = Mat::from_fn(300, step.terms() + 1, |i, k| rows[(i, *step.support.get(k).unwrap_or(&p))]);
+                let design = Mat::from_fn(300, step.terms() + 1, |i, k| rows[(i, *step.support.get(k).unwrap_or(&p))]);
                 let limits: Vec<[f64; 2]> = step.support.iter().map(|&j| bounds[j]).collect();
-                let (_, rss) = by_trial(&own, &limits);
+                let (_, rss) = by_trial(&design, &limits);
                 assert!((step.rss - rss).abs() <= 1e-10 * rss, "{optimizer:?}: {} {rss}", step.rss);
             }
         }
@@ -211,7 +211,7 @@ fn every_model_of_a_sweep_is_the_best_that_keeps_its_bounds() {
             continue;
         }
         // Backward from 8 terms, of which some are held at 0, to one.
-        let sizes: Vec<usize> = found.trail.steps.iter().map(|step| step.terms()).collect();
+        let sizes: Vec<usize> = models.trail.steps.iter().map(|step| step.terms()).collect();
         assert!(sizes.contains(&2) && sizes.contains(&4), "{optimizer:?}: {sizes:?}");
     }
 }
@@ -222,22 +222,22 @@ fn held_out_errors_are_those_of_bounded_fits() {
     let p = 6;
     let rows = rows(11, 120, p, 1.0);
     let (problem, bounds) = (compressed(&rows, 1, false), against(p));
-    let found = swept(&problem, &folds(&rows, 4), &bounded(&bounds), &keeping()[0]);
-    let scores = found.folds.as_ref().unwrap();
+    let models = swept(&problem, &folds(&rows, 4), &bounded(&bounds), &keeping()[0]);
+    let scores = models.folds.as_ref().unwrap();
     let mut moved = 0;
-    for (k, step) in found.trail.steps.iter().enumerate() {
+    for (k, step) in models.trail.steps.iter().enumerate() {
         for fold in 0..4 {
             let part = |inside: bool| -> Vec<usize> { (0..120).filter(|i| (i % 4 == fold) == inside).collect() };
             let (train, test) = (part(false), part(true));
-            let own = |rows_of: &[usize]| {
+            let design_of = |rows_of: &[usize]| {
                 Mat::from_fn(rows_of.len(), step.terms() + 1, |i, c| {
                     rows[(rows_of[i], *step.support.get(c).unwrap_or(&p))]
                 })
             };
             let limits: Vec<[f64; 2]> = step.support.iter().map(|&j| bounds[j]).collect();
-            let (b, _) = by_trial(&own(&train), &limits);
+            let (b, _) = by_trial(&design_of(&train), &limits);
             moved += usize::from(b.iter().zip(&limits).any(|(b, limits)| limits.contains(b)));
-            let test = own(&test);
+            let test = design_of(&test);
             let square = |i: usize| {
                 (test[(i, step.terms())] - (0..step.terms()).map(|c| test[(i, c)] * b[c]).sum::<f64>()).powi(2)
             };

@@ -69,9 +69,9 @@ fn program(rows: &Rows, penalty: &Penalty, strength: Strength) -> (Vec<f64>, f64
         (solver.solution.status == SolverStatus::Solved).then_some(solver.solution)
     });
     let solution = solution.unwrap_or_else(|| panic!("{}: not solved", rows.name));
-    let mut found = vec![0.0; p];
-    kept.iter().zip(&solution.x).for_each(|(&k, x)| found[k % p] += side(k) * x);
-    (found, solution.obj_val + 0.5)
+    let mut coefficients = vec![0.0; p];
+    kept.iter().zip(&solution.x).for_each(|(&k, x)| coefficients[k % p] += side(k) * x);
+    (coefficients, solution.obj_val + 0.5)
 }
 
 fn check(rows: &Rows, what: &str, penalty: &Penalty, l1_ratio: f64) -> usize {

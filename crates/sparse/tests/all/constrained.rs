@@ -42,11 +42,11 @@ fn row(name: &str, coefficients: &[f64], bound: f64) -> LinearConstraint {
 
 fn solve(assembled: &Assembled, constraints: &Constraints, lambda: f64) -> Constrained {
     let options = ConstrainedOptions::default();
-    let found = constrained(assembled, constraints, Strength::lasso(lambda), None, &options).expect("feasible");
-    let certificate = found.certificate;
-    assert_eq!(found.status, ConstrainedStatus::Solved, "{certificate:?}");
+    let solution = constrained(assembled, constraints, Strength::lasso(lambda), None, &options).expect("feasible");
+    let certificate = solution.certificate;
+    assert_eq!(solution.status, ConstrainedStatus::Solved, "{certificate:?}");
     assert!(certificate.kkt < 1e-9 && certificate.violation < 1e-9 && certificate.gap < 1e-9, "{certificate:?}");
-    found
+    solution
 }
 
 fn apart(a: &[f64], b: &[f64]) -> f64 {
@@ -68,8 +68,8 @@ fn with_equalities(x: &Mat<f64>, y: &[f64], rows: &[(&[f64], f64)]) -> (Vec<f64>
         None => (0..n).map(|k| x[(k, i)] * y[k]).sum::<f64>() / n as f64,
         Some(row) => rows[row].1,
     });
-    let found = system.partial_piv_lu().solve(&right);
-    ((0..p).map(|i| found[(i, 0)]).collect(), (p..p + w).map(|i| found[(i, 0)]).collect())
+    let minimiser = system.partial_piv_lu().solve(&right);
+    ((0..p).map(|i| minimiser[(i, 0)]).collect(), (p..p + w).map(|i| minimiser[(i, 0)]).collect())
 }
 
 #[test]
@@ -86,18 +86,18 @@ fn orthogonal_columns_are_shrunk_and_clipped() {
     let bounds = vec![[-INFINITY, 2.0], [-1.0, INFINITY], [0.1, 0.2], [0.0, INFINITY]];
     let constraints = Constraints { bounds: bounds.clone(), ..Constraints::default() };
     for lambda in [0.0, 0.3, 0.7, 2.5] {
-        let found = solve(&assembled, &constraints, lambda);
+        let fit = solve(&assembled, &constraints, lambda);
         let expected: Vec<f64> = [3.0_f64, -2.0, 0.4, 1.5]
             .iter()
             .zip(&bounds)
             .map(|(value, [low, high])| (value.signum() * (value.abs() - lambda).max(0.0)).clamp(*low, *high))
             .collect();
-        assert!(apart(&found.theta, &expected) < 1e-12, "{lambda}: {:?} {expected:?}", found.theta);
+        assert!(apart(&fit.theta, &expected) < 1e-12, "{lambda}: {:?} {expected:?}", fit.theta);
         // The slope of 1/2 (theta - z)^2 + lambda |theta| at the upper bound of the first coefficient.
-        let first = found.active.iter().find(|active| active.name == "coefficient 0 <= 2");
+        let first = fit.active.iter().find(|active| active.name == "coefficient 0 <= 2");
         let slope = 3.0 - lambda - 2.0;
         assert_eq!(first.is_some(), slope > 0.0);
-        assert!(first.is_none_or(|active| (active.multiplier - slope).abs() < 1e-12), "{:?}", found.active);
+        assert!(first.is_none_or(|active| (active.multiplier - slope).abs() < 1e-12), "{:?}", fit.active);
     }
 }
 
@@ -109,10 +109,10 @@ fn equalities_have_their_closed_form() {
         let forms = [[1.0, 1.0, 1.0, 1.0, 1.0, 1.0], [0.0, 2.0, -1.0, 0.0, 0.5, 0.0]];
         let equalities = vec![row("sum", &forms[0], 1.5), row("balance", &forms[1], -0.3)];
         let constraints = Constraints { equalities, ..Constraints::default() };
-        let found = solve(&assembled, &constraints, 0.0);
+        let fit = solve(&assembled, &constraints, 0.0);
         let (expected, multipliers) = with_equalities(&x, &y, &[(&forms[0], 1.5), (&forms[1], -0.3)]);
-        assert!(apart(&found.theta, &expected) < 1e-10, "{:?} {expected:?}", found.theta);
-        let named: Vec<f64> = found.active.iter().map(|active| active.multiplier).collect();
+        assert!(apart(&fit.theta, &expected) < 1e-10, "{:?} {expected:?}", fit.theta);
+        let named: Vec<f64> = fit.active.iter().map(|active| active.multiplier).collect();
         assert!(apart(&named, &multipliers) < 1e-9, "{named:?} {multipliers:?}");
     }
 }
@@ -158,9 +158,9 @@ fn inequalities_agree_with_the_enumeration_of_active_sets() {
             infeasible += 1;
             continue;
         };
-        let found = solve(&assembled, &constraints, 0.0);
-        assert!(apart(&found.theta, &expected) < 1e-9, "{seed}: {:?} {expected:?}", found.theta);
-        held += usize::from(found.active.len() > 1);
+        let fit = solve(&assembled, &constraints, 0.0);
+        assert!(apart(&fit.theta, &expected) < 1e-9, "{seed}: {:?} {expected:?}", fit.theta);
+        held += usize::from(fit.active.len() > 1);
     }
     println!("{held} with several active rows, {infeasible} infeasible");
     assert!(held > 20 && infeasible > 0, "{held} {infeasible}");
@@ -181,11 +181,11 @@ fn wide_collinear_and_tied_columns_are_certified() {
             let Ok(solution) = path.at(&assembled.problem, lambda) else { continue };
             let (what, strength) = (format!("{} at {share}", rows.name), Strength::lasso(lambda));
             let fit = |constraints: &Constraints| {
-                let found = constrained(&assembled, constraints, strength, None, &ConstrainedOptions::default());
-                let found = found.unwrap_or_else(|error| panic!("{what}: {error}"));
-                let certificate = found.certificate;
-                assert!(found.status == ConstrainedStatus::Solved && certificate.gap < 1e-8, "{what}: {certificate:?}");
-                found
+                let result = constrained(&assembled, constraints, strength, None, &ConstrainedOptions::default());
+                let fit = result.unwrap_or_else(|error| panic!("{what}: {error}"));
+                let certificate = fit.certificate;
+                assert!(fit.status == ConstrainedStatus::Solved && certificate.gap < 1e-8, "{what}: {certificate:?}");
+                fit
             };
             let free = fit(&Constraints::default());
             let least = solution.certificate.objective;
@@ -197,13 +197,13 @@ fn wide_collinear_and_tied_columns_are_certified() {
                 (true, false) => [0.6 * value, INFINITY],
             };
             let bounds: Vec<[f64; 2]> = theta.iter().enumerate().map(ends).collect();
-            let found = fit(&Constraints { bounds: bounds.clone(), ..Constraints::default() });
+            let result = fit(&Constraints { bounds: bounds.clone(), ..Constraints::default() });
             let coefficients: Vec<f64> =
                 theta.iter().zip(&assembled.scale).map(|(theta, scale)| 0.6 * theta * scale).collect();
             let shrunk =
                 certificate(&assembled.problem, &assembled.penalty, strength, &coefficients).expect("valid").objective;
-            assert!(found.objective <= shrunk + 1e-9 * size && found.objective >= least - 1e-9 * size, "{what}");
-            for (value, [low, high]) in found.theta.iter().zip(&bounds) {
+            assert!(result.objective <= shrunk + 1e-9 * size && result.objective >= least - 1e-9 * size, "{what}");
+            for (value, [low, high]) in result.theta.iter().zip(&bounds) {
                 assert!(
                     *value >= low - 1e-9 * low.abs() && *value <= high + 1e-9 * high.abs(),
                     "{what}: {value} {low} {high}"
@@ -238,9 +238,9 @@ fn signs_agree_with_the_non_negative_path() {
             let expected = signed.coefficients(&path.at(&signed.problem, lambda).expect("on the path"));
             let by_penalty = solve(&signed, &Constraints::default(), lambda);
             let by_bounds = solve(&free, &bounds, lambda);
-            for found in [&by_penalty, &by_bounds] {
-                assert!(apart(&found.theta, &expected) < 1e-8, "{seed} {share}: {:?} {expected:?}", found.theta);
-                assert!(found.theta.iter().zip(&expected).all(|(a, b)| (*a == 0.0) == (*b == 0.0)));
+            for fit in [&by_penalty, &by_bounds] {
+                assert!(apart(&fit.theta, &expected) < 1e-8, "{seed} {share}: {:?} {expected:?}", fit.theta);
+                assert!(fit.theta.iter().zip(&expected).all(|(a, b)| (*a == 0.0) == (*b == 0.0)));
             }
         }
     }
@@ -255,11 +255,11 @@ fn a_ridge_is_the_elastic_net_of_the_path() {
     let l1 = 0.1 * path.knots[0].l1;
     let solution = path.at(&assembled.problem, l1).expect("on the path");
     let strength = Strength { l1, l2: 0.3 };
-    let found =
+    let fit =
         constrained(&assembled, &Constraints::default(), strength, None, &ConstrainedOptions::default()).expect("free");
-    assert!(apart(&found.theta, &assembled.coefficients(&solution)) < 1e-9);
-    assert!((found.objective / solution.certificate.objective - 1.0).abs() < 1e-11);
-    assert!((found.mse / solution.mse - 1.0).abs() < 1e-11);
+    assert!(apart(&fit.theta, &assembled.coefficients(&solution)) < 1e-9);
+    assert!((fit.objective / solution.certificate.objective - 1.0).abs() < 1e-11);
+    assert!((fit.mse / solution.mse - 1.0).abs() < 1e-11);
 }
 
 #[test]
@@ -270,12 +270,11 @@ fn a_support_leaves_the_others_at_zero() {
     let constraints =
         Constraints { inequalities: vec![row("last", &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0], 0.5)], ..Constraints::default() };
     let options = ConstrainedOptions::default();
-    let found =
-        constrained(&assembled, &constraints, Strength::lasso(0.0), Some(&support), &options).expect("feasible");
+    let fit = constrained(&assembled, &constraints, Strength::lasso(0.0), Some(&support), &options).expect("feasible");
     let kept = Mat::from_fn(30, 3, |i, j| x[(i, support[j])]);
     let (expected, _) = with_equalities(&kept, &y, &[(&[0.0, 0.0, 1.0], 0.5)]);
-    let inside: Vec<f64> = support.iter().map(|&j| found.theta[j]).collect();
-    assert!(apart(&inside, &expected) < 1e-10 && [0, 2, 3].iter().all(|&j| found.theta[j] == 0.0), "{found:?}");
+    let inside: Vec<f64> = support.iter().map(|&j| fit.theta[j]).collect();
+    assert!(apart(&inside, &expected) < 1e-10 && [0, 2, 3].iter().all(|&j| fit.theta[j] == 0.0), "{fit:?}");
     let none =
         constrained(&assembled, &Constraints::default(), Strength::lasso(0.0), Some(&[]), &options).expect("nothing");
     assert!(none.theta == [0.0; 6] && (none.mse - y.iter().map(|y| y * y).sum::<f64>() / 30.0).abs() < 1e-12);
@@ -334,9 +333,9 @@ fn redundant_and_degenerate_constraints_change_nothing() {
         crowded.push(row("loose", &[1.0, 0.0, 0.0], -50.0));
         let of = |inequalities: Vec<LinearConstraint>| Constraints { inequalities, ..Constraints::default() };
         let expected = solve(&assembled, &of(plain), 0.0);
-        let found = solve(&assembled, &of(crowded), 0.0);
-        assert!(apart(&found.theta, &expected.theta) < 1e-9, "{seed}: {:?} {:?}", found.theta, expected.theta);
-        assert!(!found.active.iter().any(|active| active.name == "loose"));
+        let fit = solve(&assembled, &of(crowded), 0.0);
+        assert!(apart(&fit.theta, &expected.theta) < 1e-9, "{seed}: {:?} {:?}", fit.theta, expected.theta);
+        assert!(!fit.active.iter().any(|active| active.name == "loose"));
         let equalities = vec![row("sum", &[1.0, 1.0, 1.0], 1.0), row("twice", &[2.0, 2.0, 2.0], 2.0)];
         let twice = solve(&assembled, &Constraints { equalities: equalities.clone(), ..Constraints::default() }, 0.0);
         let once =
@@ -361,11 +360,11 @@ fn huge_and_tiny_units_change_nothing() {
             row.coefficients.iter_mut().for_each(|(j, value)| *value *= unit[*j]);
             row.bound *= target;
         }
-        let found = solve(&problem(&scaled, &y, Assembly::default()), &constraints, 0.05 * target);
-        let back: Vec<f64> = found.theta.iter().zip(unit).map(|(theta, unit)| theta * unit / target).collect();
+        let fit = solve(&problem(&scaled, &y, Assembly::default()), &constraints, 0.05 * target);
+        let back: Vec<f64> = fit.theta.iter().zip(unit).map(|(theta, unit)| theta * unit / target).collect();
         assert!(apart(&back, &expected.theta) < 1e-9, "{back:?} {:?}", expected.theta);
-        assert!((found.objective / target / target / expected.objective - 1.0).abs() < 1e-9);
-        for (a, b) in found.active.iter().zip(&expected.active) {
+        assert!((fit.objective / target / target / expected.objective - 1.0).abs() < 1e-9);
+        for (a, b) in fit.active.iter().zip(&expected.active) {
             assert!(a.name == b.name && (a.multiplier / target / b.multiplier - 1.0).abs() < 1e-7, "{a:?} {b:?}");
         }
     }
@@ -385,8 +384,8 @@ fn a_condition_of_ten_million_costs_no_more_than_least_squares() {
         let bound = free.theta[column] + shift;
         let mut bounds = vec![[-INFINITY, INFINITY]; 5];
         bounds[column] = [bound, INFINITY];
-        let found = solve(&assembled, &Constraints { bounds, ..Constraints::default() }, 0.0);
-        assert_eq!(found.active.len(), 1);
+        let fit = solve(&assembled, &Constraints { bounds, ..Constraints::default() }, 0.0);
+        assert_eq!(fit.active.len(), 1);
         let others: Vec<usize> = (0..5).filter(|&j| j != column).collect();
         // The constant is the intercept of the peer.
         let regressors: Vec<usize> = others.iter().copied().filter(|&j| j != 0).collect();
@@ -395,10 +394,10 @@ fn a_condition_of_ten_million_costs_no_more_than_least_squares() {
         let d = regressors.len();
         factor.push(Mat::from_fn(n, d + 1, |i, j| if j < d { x[(i, regressors[j])] } else { left(i) }).as_ref(), None);
         let peer = least_squares(&factor.square_root(), &vec![1.0; d]);
-        let theta: Vec<f64> = regressors.iter().map(|&j| found.theta[j]).collect();
+        let theta: Vec<f64> = regressors.iter().map(|&j| fit.theta[j]).collect();
         let expected: Vec<f64> = (0..d).map(|j| peer.coefficients[(j, 0)]).collect();
         // Two backward stable solvers of condition 1e7 may differ by 1e-9 of the largest coefficient.
         assert!(apart(&theta, &expected) < 1e-8, "{column}: {theta:?} {expected:?}");
-        assert!((found.mse * n as f64 / peer.rss[0] - 1.0).abs() < 1e-11, "{} {}", found.mse * n as f64, peer.rss[0]);
+        assert!((fit.mse * n as f64 / peer.rss[0] - 1.0).abs() < 1e-11, "{} {}", fit.mse * n as f64, peer.rss[0]);
     }
 }

@@ -25,18 +25,18 @@ fn check(rows: &Rows, form: Form, what: &str, penalty: &Penalty, l1_ratio: f64) 
     lambdas.push(lambdas[3]);
     let solutions = coordinate_descent(&problem, penalty, &lambdas, &options).expect("solutions");
     for solution in &solutions {
-        let found = solution.certificate;
-        assert!(solution.converged, "{who}: lambda {:e}, kkt {:e}", solution.l1, found.kkt);
-        assert!(found.kkt < 1e-8, "{who}: kkt {:e}, lambda {:e}", found.kkt, solution.l1);
+        let certificate = solution.certificate;
+        assert!(solution.converged, "{who}: lambda {:e}, kkt {:e}", solution.l1, certificate.kkt);
+        assert!(certificate.kkt < 1e-8, "{who}: kkt {:e}, lambda {:e}", certificate.kkt, solution.l1);
         assert!(
-            (0.0..rows.most_gap(form)).contains(&found.gap),
+            (0.0..rows.most_gap(form)).contains(&certificate.gap),
             "{who}: gap {:e}, lambda {:e}",
-            found.gap,
+            certificate.gap,
             solution.l1
         );
         if problem.target_deviation() > 0.0 && problem.target_deviation() < 1e90 {
             let violation = rows.violation(penalty, solution);
-            assert!(violation < 1e-8, "{who}: violation {violation:e}, kkt {:e}", found.kkt);
+            assert!(violation < 1e-8, "{who}: violation {violation:e}, kkt {:e}", certificate.kkt);
         }
         // The path for this ridge, at this lambda: the same objective, and the same coefficients where they are unique.
         let options = LarsOptions { l2: solution.l2, ..LarsOptions::default() };
@@ -129,11 +129,11 @@ fn active_sets_grow_up_to_the_number_of_rows() {
         let lambdas = lambda_grid(&problem, &penalty, 1.0, 30, 1e-3).expect("a grid");
         let options = CoordinateOptions { max_epochs: 1000, ..CoordinateOptions::default() };
         let zeros = vec![0.0; p];
-        let found = coordinate_descent_from(&problem, &penalty, &lambdas, &options, &zeros).expect("solutions");
-        let active = found.last().map_or(0, |found| found.solution.coefficients.len());
+        let solutions = coordinate_descent_from(&problem, &penalty, &lambdas, &options, &zeros).expect("solutions");
+        let active = solutions.last().map_or(0, |point| point.solution.coefficients.len());
         assert!(active > n - 10, "{active}");
-        for found in &found {
-            let (solution, epochs) = (&found.solution, found.epochs);
+        for point in &solutions {
+            let (solution, epochs) = (&point.solution, point.epochs);
             let active = solution.support.len();
             assert!(solution.converged && solution.certificate.kkt < 1e-9, "{seed}: {active} after {epochs}");
             assert!(epochs < 60, "{seed}: {active} after {epochs}");
@@ -150,9 +150,9 @@ fn not_converging_is_a_status() {
     let options = CoordinateOptions { max_epochs: 1, ..CoordinateOptions::default() };
     let stopped = coordinate_descent(&problem, &penalty, &[lambda], &options).expect("a solution").remove(0);
     assert!(!stopped.converged && stopped.certificate.kkt > 1e-6, "{:?}", stopped.certificate);
-    let found = coordinate_descent(&problem, &penalty, &[lambda], &CoordinateOptions::default());
-    let found = found.expect("a solution").remove(0);
-    assert!(found.converged && found.certificate.objective < stopped.certificate.objective);
+    let solutions = coordinate_descent(&problem, &penalty, &[lambda], &CoordinateOptions::default());
+    let point = solutions.expect("a solution").remove(0);
+    assert!(point.converged && point.certificate.objective < stopped.certificate.objective);
 }
 
 #[test]
@@ -165,8 +165,8 @@ fn a_start_costs_or_saves_sweeps_and_leaves_the_solution() {
             let penalty = Penalty { signs: vec![sign; 20], ..Penalty::default() };
             let lambda = 0.05 * problem.target_deviation();
             let from = |start: &[f64]| {
-                let found = coordinate_descent_from(&problem, &penalty, &[lambda], &options, start);
-                found.expect("a solution").remove(0)
+                let solutions = coordinate_descent_from(&problem, &penalty, &[lambda], &options, start);
+                solutions.expect("a solution").remove(0)
             };
             let cold = from(&[0.0; 20]);
             let plain = coordinate_descent(&problem, &penalty, &[lambda], &options).expect("a solution").remove(0);
@@ -197,8 +197,8 @@ fn a_tiny_penalty_on_dependent_columns_is_still_one() {
     let (lambda, far) = (1e-10, [1.0, 1.0, 1.0, 1000.0]);
     let options = CoordinateOptions { max_epochs: 1, ..CoordinateOptions::default() };
     let solve = |options: &CoordinateOptions, start: &[f64]| {
-        let found = coordinate_descent_from(&problem, &Penalty::default(), &[lambda], options, start);
-        found.expect("a solution").remove(0).solution
+        let solutions = coordinate_descent_from(&problem, &Penalty::default(), &[lambda], options, start);
+        solutions.expect("a solution").remove(0).solution
     };
     let excess = |solution: &Solution| {
         let objective = |w: &[f64]| {
@@ -211,8 +211,8 @@ fn a_tiny_penalty_on_dependent_columns_is_still_one() {
     let stopped = solve(&options, &far);
     assert!(!stopped.converged && excess(&stopped) > 1e-8);
     assert!(0.5 * stopped.certificate.gap >= 0.999 * excess(&stopped), "{:?}", stopped.certificate);
-    let found = solve(&CoordinateOptions::default(), &[0.0; 4]);
-    assert!(found.converged && excess(&found) < 1e-15, "{:e} {:?}", excess(&found), found.certificate);
+    let points = solve(&CoordinateOptions::default(), &[0.0; 4]);
+    assert!(points.converged && excess(&points) < 1e-15, "{:e} {:?}", excess(&points), points.certificate);
 }
 
 #[test]
@@ -238,8 +238,9 @@ fn a_path_that_ends_at_zero_ends_where_that_of_lars_does() {
         let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
         let mut lambdas: Vec<f64> = path.knots.iter().map(|knot| knot.l1).filter(|&l1| l1 > 0.0).collect();
         lambdas.push(0.0);
-        let found = coordinate_descent(&problem, &penalty, &lambdas, &CoordinateOptions::default()).expect("solutions");
-        let (end, other) = (found.last().expect("the end"), path.at(&problem, 0.0).expect("on the path"));
+        let solutions =
+            coordinate_descent(&problem, &penalty, &lambdas, &CoordinateOptions::default()).expect("solutions");
+        let (end, other) = (solutions.last().expect("the end"), path.at(&problem, 0.0).expect("on the path"));
         assert!(end.converged && end.support.len() < n, "{} {:?}", end.support.len(), end.certificate);
         for j in 0..p {
             let (a, b) = (end.coefficient(j), other.coefficient(j));

@@ -107,9 +107,9 @@ fn every_knot_of_every_problem_is_certified() {
             for penalty in [Penalty::default(), Penalty::standardised()] {
                 let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
                 for knot in &path.knots {
-                    let found = knot.certificate;
-                    assert!(found.kkt < 1e-8, "{}, {form}: kkt {:e} at {}", case.name, found.kkt, knot.l1);
-                    assert!(found.gap < 1e-8, "{}, {form}: gap {:e} at {}", case.name, found.gap, knot.l1);
+                    let certified = knot.certificate;
+                    assert!(certified.kkt < 1e-8, "{}, {form}: kkt {:e} at {}", case.name, certified.kkt, knot.l1);
+                    assert!(certified.gap < 1e-8, "{}, {form}: gap {:e} at {}", case.name, certified.gap, knot.l1);
                     // Not by the path's own bookkeeping: from the statistic, with the coefficients in raw units.
                     let dense = knot.dense(case.x.ncols());
                     let again =

@@ -110,10 +110,10 @@ fn check(rows: &Rows, form: Form, what: &str, penalty: &Penalty, lasso: &GroupLa
     let lambdas: Vec<f64> = [1.0 + 1e-9, 0.7, 0.2, 0.03, 1e-3].iter().map(|share| share * top).collect();
     let solutions = solved(&problem, penalty, lasso, &lambdas);
     for (solution, lambda) in solutions.iter().zip(&lambdas) {
-        let found = solution.certificate;
+        let certificate = solution.certificate;
         let place = format!("{}, {what}, {form:?}, l1_ratio {}, lambda {lambda:e}", rows.name, lasso.l1_ratio);
-        assert!(solution.converged, "{place}: {found:?}");
-        assert!(found.kkt < 1e-8 && found.gap < rows.most_gap(form), "{place}: {found:?}");
+        assert!(solution.converged, "{place}: {certificate:?}");
+        assert!(certificate.kkt < 1e-8 && certificate.gap < rows.most_gap(form), "{place}: {certificate:?}");
         if problem.target_deviation() > 0.0 && form == Form::Root {
             let violation = violation(rows, penalty, lasso, solution);
             assert!(violation < 1e-7, "{place}: {violation:e}");
@@ -164,8 +164,8 @@ fn the_largest_lambda_is_where_the_first_group_enters() {
             let (problem, penalty, lasso) =
                 (rows.problem(Form::Root), Penalty::standardised(), lasso(rows.p(), l1_ratio));
             let top = largest(&problem, &penalty, &lasso);
-            let found = solved(&problem, &penalty, &lasso, &[top * (1.0 + 1e-9), top * (1.0 - 1e-6)]);
-            assert!(found[0].support.is_empty() && !found[1].support.is_empty(), "{} {l1_ratio}", rows.name);
+            let solutions = solved(&problem, &penalty, &lasso, &[top * (1.0 + 1e-9), top * (1.0 - 1e-6)]);
+            assert!(solutions[0].support.is_empty() && !solutions[1].support.is_empty(), "{} {l1_ratio}", rows.name);
         }
     }
 }
@@ -184,12 +184,12 @@ fn groups_of_one_and_a_penalty_of_absolute_values_are_the_lasso() {
             let ones = |l1_ratio: f64| GroupLasso { l1_ratio, ..GroupLasso::new(Groups::new((0..p).collect())) };
             for lasso in [ones(0.0), ones(0.4), lasso(p, 1.0)] {
                 assert!((largest(&problem, &penalty, &lasso) - top).abs() <= 1e-12 * top, "{} {what}", rows.name);
-                for (found, expected) in solved(&problem, &penalty, &lasso, &lambdas).iter().zip(&expected) {
-                    let apart = apart(&found.dense(p), &expected.dense(p));
+                for (solution, expected) in solved(&problem, &penalty, &lasso, &lambdas).iter().zip(&expected) {
+                    let apart = apart(&solution.dense(p), &expected.dense(p));
                     assert!(apart < 1e-10, "{}, {what}: {apart:e}", rows.name);
                     assert!(
-                        (found.certificate.objective - expected.certificate.objective).abs()
-                            < 1e-11 * expected.mse.max(found.certificate.objective)
+                        (solution.certificate.objective - expected.certificate.objective).abs()
+                            < 1e-11 * expected.mse.max(solution.certificate.objective)
                     );
                     compared += 1;
                 }
@@ -208,12 +208,12 @@ fn one_group_is_a_ridge_whose_strength_is_its_length() {
         let lasso = GroupLasso::new(Groups::new(vec![0; p]));
         let top = largest(&problem, &penalty, &lasso);
         for share in [0.9, 0.3, 0.01] {
-            let found = solved(&problem, &penalty, &lasso, &[share * top]).remove(0).dense(p);
-            let v: Vec<f64> = found.iter().zip(&deviation).map(|(b, deviation)| b * deviation).collect();
+            let dense = solved(&problem, &penalty, &lasso, &[share * top]).remove(0).dense(p);
+            let v: Vec<f64> = dense.iter().zip(&deviation).map(|(b, deviation)| b * deviation).collect();
             let l2 = share * top * (p as f64).sqrt() / length(&v);
             let options = CoordinateOptions { l1_ratio: 0.0, ..CoordinateOptions::default() };
             let ridge = coordinate_descent(&problem, &penalty, &[l2], &options).expect("a ridge").remove(0);
-            let apart = apart(&found, &ridge.dense(p));
+            let apart = apart(&dense, &ridge.dense(p));
             assert!(apart < 1e-8, "{} {share}: {apart:e}", rows.name);
         }
     }
@@ -229,13 +229,13 @@ fn orthogonal_groups_shrink_in_closed_form() {
     let (of, lambda) = (vec![0, 0, 1, 1, 2, 2], 0.6);
     for l1_ratio in [0.0, 0.25, 0.5] {
         let lasso = GroupLasso { l1_ratio, ..GroupLasso::new(Groups { of: of.clone(), weights: vec![1.0, 0.8, 2.0] }) };
-        let found = solved(&problem, &Penalty::default(), &lasso, &[lambda]).remove(0);
+        let solution = solved(&problem, &Penalty::default(), &lasso, &[lambda]).remove(0);
         for (g, weight) in [1.0, 0.8, 2.0].into_iter().enumerate() {
             let soft = |value: f64| (value.abs() - lambda * l1_ratio).max(0.0).copysign(value);
             let s = [soft(truth[2 * g]), soft(truth[2 * g + 1])];
             let share = (1.0 - lambda * (1.0 - l1_ratio) * weight / length(&s)).max(0.0);
             for k in 0..2 {
-                let apart = found.coefficient(2 * g + k) - share * s[k];
+                let apart = solution.coefficient(2 * g + k) - share * s[k];
                 assert!(apart.abs() < 1e-13, "{l1_ratio} {g} {k}: {apart:e}");
             }
         }
@@ -344,10 +344,13 @@ fn a_certificate_bounds_how_far_any_coefficients_are_from_the_minimum() {
             let half = 0.5 * problem.target_deviation().powi(2);
             for step in [0.0, 1e-4, 0.1, -0.5] {
                 let other: Vec<f64> = best.dense(9).iter().map(|b| b * (1.0 + step)).collect();
-                let found = lasso.certificate(&problem, &penalty, lambda, &other).expect("a certificate");
-                let above = (found.objective - best.certificate.objective) / half;
-                assert!(above >= -1e-12 && above <= found.gap + 1e-12, "{seed} {l1_ratio} {step}: {above:e} {found:?}");
-                assert_eq!(found.kkt < 1e-8, step == 0.0);
+                let certificate = lasso.certificate(&problem, &penalty, lambda, &other).expect("a certificate");
+                let above = (certificate.objective - best.certificate.objective) / half;
+                assert!(
+                    above >= -1e-12 && above <= certificate.gap + 1e-12,
+                    "{seed} {l1_ratio} {step}: {above:e} {certificate:?}"
+                );
+                assert_eq!(certificate.kkt < 1e-8, step == 0.0);
             }
         }
     }
@@ -383,15 +386,16 @@ fn degrees_of_freedom_are_the_divergence_of_the_fit() {
         let estimator = Estimator::from(lasso.clone());
         let fitted = |y: &[f64], lambda: f64| {
             let problem = Quadratic::from_rows(rows.x.as_ref(), y, None, true).expect("rows");
-            let found = solved(&problem, &penalty, &lasso, &[lambda]).remove(0);
-            let value = |i: usize| found.intercept + (0..9).map(|j| rows.x[(i, j)] * found.coefficient(j)).sum::<f64>();
-            ((0..30).map(value).collect::<Vec<f64>>(), problem, found)
+            let solution = solved(&problem, &penalty, &lasso, &[lambda]).remove(0);
+            let value =
+                |i: usize| solution.intercept + (0..9).map(|j| rows.x[(i, j)] * solution.coefficient(j)).sum::<f64>();
+            ((0..30).map(value).collect::<Vec<f64>>(), problem, solution)
         };
         let top = largest(&rows.problem(Form::Root), &penalty, &lasso);
         for share in [0.5, 0.05] {
             let lambda = share * top;
-            let (_, problem, found) = fitted(&rows.y, lambda);
-            let df = estimator.degrees_of_freedom(&problem, &penalty, &found).expect("degrees");
+            let (_, problem, fitted_solution) = fitted(&rows.y, lambda);
+            let df = estimator.degrees_of_freedom(&problem, &penalty, &fitted_solution).expect("degrees");
             let step = 1e-5;
             let slope = |i: usize| {
                 let moved = |by: f64| {
@@ -403,7 +407,7 @@ fn degrees_of_freedom_are_the_divergence_of_the_fit() {
             };
             let divergence: f64 = (0..30).map(slope).sum::<f64>() - 1.0;
             assert!((df - divergence).abs() < 1e-4 * df.max(1.0), "{l1_ratio} {share}: {df} {divergence}");
-            assert!(df < found.support.len() as f64);
+            assert!(df < fitted_solution.support.len() as f64);
         }
     }
 }
@@ -426,18 +430,18 @@ fn the_lasso_of_many_tasks_is_a_group_a_column() {
         let penalty = Penalty::default();
         let top = largest(&stacked, &penalty, &lasso);
         for share in [0.6, 0.1] {
-            let found = solved(&stacked, &penalty, &lasso, &[share * top]).remove(0);
-            assert!(found.certificate.gap < 1e-10 && found.certificate.kkt < 1e-9);
-            let b = found.dense(p * q);
+            let solution = solved(&stacked, &penalty, &lasso, &[share * top]).remove(0);
+            assert!(solution.certificate.gap < 1e-10 && solution.certificate.kkt < 1e-9);
+            let b = solution.dense(p * q);
             // X'R / n, from the rows.
             let mean = |j: usize| if intercept { (0..n).map(|i| rows.x[(i, j)]).sum::<f64>() / n as f64 } else { 0.0 };
             let means: Vec<f64> = (0..p).map(mean).collect();
             let mut gradient = vec![vec![0.0; q]; p];
             for (t, target) in targets.iter().enumerate() {
-                let own = &b[t * p..(t + 1) * p];
-                let constant = problems[t].intercept_of(own);
+                let part = &b[t * p..(t + 1) * p];
+                let constant = problems[t].intercept_of(part);
                 for i in 0..n {
-                    let left = target[i] - constant - (0..p).map(|j| rows.x[(i, j)] * own[j]).sum::<f64>();
+                    let left = target[i] - constant - (0..p).map(|j| rows.x[(i, j)] * part[j]).sum::<f64>();
                     (0..p).for_each(|j| gradient[j][t] += (rows.x[(i, j)] - means[j]) * left / n as f64);
                 }
             }
@@ -495,8 +499,8 @@ fn a_path_of_groups_is_chosen_from_like_any_other() {
     let stopped: Path = estimator.path(&problem, &penalty, &stop).expect("a path");
     assert_eq!(stopped.status, PathStatus::MaxFeatures);
     assert!(stopped.knots.iter().all(|knot| knot.support.len() <= 6));
-    let (found, short) = estimator.at(&problem, &penalty, lambda).expect("a solution");
-    assert!(apart(&found.dense(12), &knot) < 1e-9 && short.knots.len() == 1);
+    let (solution, short) = estimator.at(&problem, &penalty, lambda).expect("a solution");
+    assert!(apart(&solution.dense(12), &knot) < 1e-9 && short.knots.len() == 1);
 }
 
 /// With fewer rows than columns the first supports hold columns that depend on each other: along some directions only the penalty changes.
@@ -519,7 +523,7 @@ fn what_is_out_of_range_is_refused() {
     let rows = random(1, 20, 4);
     let problem = rows.problem(Form::Root);
     let run = |lasso: GroupLasso| {
-        Estimator::from(lasso).solutions(&problem, &Penalty::default(), &[1.0]).map(|found| found.len())
+        Estimator::from(lasso).solutions(&problem, &Penalty::default(), &[1.0]).map(|solution| solution.len())
     };
     let plain = GroupLasso::new(Groups::new(vec![0, 0, 1, 1]));
     let what = "the list of the columns' groups";
@@ -571,9 +575,9 @@ proptest! {
             let (a, b) = (rows.problem(form), other.problem(form));
             let lambda = 0.1 * largest(&a, &penalty, &one);
             let expected = solved(&a, &penalty, &one, &[lambda]).remove(0).dense(p);
-            let found = solved(&b, &penalty, &two, &[1e20 * lambda]).remove(0).dense(p);
+            let dense = solved(&b, &penalty, &two, &[1e20 * lambda]).remove(0).dense(p);
             let mut back = vec![0.0; p];
-            (0..p).for_each(|j| back[to(j)] = -found[j] * factor(to(j)) / 1e20);
+            (0..p).for_each(|j| back[to(j)] = -dense[j] * factor(to(j)) / 1e20);
             // In raw units columns differ by decades: compared in units of their deviation.
             let deviation = a.deviation();
             let scaled = |b: &[f64]| b.iter().zip(&deviation).map(|(b, s)| b * s).collect::<Vec<f64>>();

@@ -118,8 +118,8 @@ fn normal(rows: &[[f64; 8]], support: &[usize], tikhonov: Option<&Tikhonov>) -> 
 
 fn fitted(rows: &[[f64; 8]], support: &[usize], tikhonov: Option<&Tikhonov>) -> Vec<f64> {
     let (h, c) = normal(rows, support, tikhonov);
-    let found = h.llt(Side::Lower).expect("positive").solve(&c);
-    (0..support.len()).map(|i| found[(i, 0)]).collect()
+    let expected_change = h.llt(Side::Lower).expect("positive").solve(&c);
+    (0..support.len()).map(|i| expected_change[(i, 0)]).collect()
 }
 
 /// Weighted squares of the errors in measured tasks.
@@ -187,22 +187,23 @@ fn the_covariance_is_the_sandwich_of_the_rows() {
         ];
         for theta in fits {
             for (clusters, rows) in [(Clusters::Episodes, &episodes), (Clusters::Chunks, &chunks)] {
-                let found = clustered_covariance(&banks, &structure, &assembly, &theta, clusters).expect("identified");
-                let expected = sandwich(rows, &found.support, &found.estimate, prior.as_ref());
-                assert_eq!(found.clusters, rows.len());
-                for i in 0..found.support.len() {
+                let covariance =
+                    clustered_covariance(&banks, &structure, &assembly, &theta, clusters).expect("identified");
+                let expected = sandwich(rows, &covariance.support, &covariance.estimate, prior.as_ref());
+                assert_eq!(covariance.clusters, rows.len());
+                for i in 0..covariance.support.len() {
                     let scale = |i: usize| expected[(i, i)].sqrt();
-                    for j in 0..found.support.len() {
-                        let apart = (found.matrix[(i, j)] - expected[(i, j)]).abs() / scale(i) / scale(j);
+                    for j in 0..covariance.support.len() {
+                        let apart = (covariance.matrix[(i, j)] - expected[(i, j)]).abs() / scale(i) / scale(j);
                         assert!(apart < 1e-10, "{i} {j}: {apart:e}");
                         compared += 1;
                     }
-                    assert!((found.errors[i] / scale(i) - 1.0).abs() < 1e-10);
+                    assert!((covariance.errors[i] / scale(i) - 1.0).abs() < 1e-10);
                     let half = student_t_95(rows.len() - 1) * scale(i);
-                    let [low, high] = found.intervals[i];
+                    let [low, high] = covariance.intervals[i];
                     assert!(
                         (high - low - 2.0 * half).abs() < 1e-9 * half
-                            && (high + low - 2.0 * found.estimate[i]).abs() < 1e-9 * half
+                            && (high + low - 2.0 * covariance.estimate[i]).abs() < 1e-9 * half
                     );
                 }
             }
@@ -234,9 +235,9 @@ fn intervals_cover_the_truth_when_errors_are_shared_within_episodes() {
         let assembly = Assembly { weights: vec![1.0], ..Assembly::default() };
         let assembled = assemble(&structure, &banks.total(), &assembly).expect("a problem");
         let theta = least_squares_on(&assembled, &[0, 1]).expect("identified");
-        let found =
+        let covariance =
             clustered_covariance(&banks, &structure, &assembly, &theta, Clusters::Episodes).expect("identified");
-        for (count, (interval, truth)) in covered.iter_mut().zip(found.intervals.iter().zip([1.0, 2.0])) {
+        for (count, (interval, truth)) in covered.iter_mut().zip(covariance.intervals.iter().zip([1.0, 2.0])) {
             *count += usize::from(interval[0] <= truth && truth <= interval[1]);
         }
     }
@@ -262,21 +263,22 @@ fn influence_is_that_of_explicit_refits() {
         report.coefficients.iter().zip(&full).for_each(|(a, b)| close(*a, *b));
         close(report.mean_square, squares(&all, &support, &full) / n);
         let mut held_out = 0.0;
-        for found in &report.episodes {
-            let k = source.episodes().iter().position(|episode| episode.id == found.episode).expect("an episode");
+        for influence_of in &report.episodes {
+            let k =
+                source.episodes().iter().position(|episode| episode.id == influence_of.episode).expect("an episode");
             let others: Vec<[f64; 8]> =
                 (0..episodes.len()).filter(|&e| e != k).flat_map(|e| episodes[e].clone()).collect();
             let theta = fitted(&others, &support, prior.as_ref());
-            found.coefficients.iter().zip(&theta).for_each(|(a, b)| close(*a, *b));
-            let own = episodes[k].len() as f64;
-            close(found.share, own / n);
-            close(found.training, squares(&others, &support, &theta) / (n - own));
-            close(found.held_out, squares(&episodes[k], &support, &theta) / own);
-            close(found.in_sample, squares(&episodes[k], &support, &full) / own);
+            influence_of.coefficients.iter().zip(&theta).for_each(|(a, b)| close(*a, *b));
+            let count = episodes[k].len() as f64;
+            close(influence_of.share, count / n);
+            close(influence_of.training, squares(&others, &support, &theta) / (n - count));
+            close(influence_of.held_out, squares(&episodes[k], &support, &theta) / count);
+            close(influence_of.in_sample, squares(&episodes[k], &support, &full) / count);
             let change = Mat::from_fn(support.len(), 1, |i, _| theta[i] - full[i]);
             let distance = (change.transpose() * &h * &change)[(0, 0)] / (support.len() as f64 * variance);
-            assert!((found.distance - distance).abs() < 1e-8 * distance, "{} {distance}", found.distance);
-            held_out += found.held_out * own / n;
+            assert!((influence_of.distance - distance).abs() < 1e-8 * distance, "{} {distance}", influence_of.distance);
+            held_out += influence_of.held_out * count / n;
         }
         close(report.held_out, held_out);
         assert_eq!(report.episodes.len(), 9);
@@ -299,7 +301,7 @@ fn an_episode_that_alone_shows_a_coefficient_is_named() {
     let first = &report.episodes[0];
     assert_eq!(first.episode, source.episodes()[1].id);
     assert!(first.distance.is_infinite() && first.coefficients.is_empty() && first.held_out.is_nan(), "{first:?}");
-    assert!(report.episodes[1..].iter().all(|found| found.distance.is_finite()));
+    assert!(report.episodes[1..].iter().all(|episode| episode.distance.is_finite()));
 }
 
 #[test]
@@ -313,15 +315,15 @@ fn quantiles_and_basic_intervals() {
         let value = order[i] as f64 / 10.0;
         if j == 0 { value * value } else { f64::from(u8::from(order[i] >= 40)) }
     });
-    let found = bootstrap_intervals(replicates.as_ref(), &[30.0, 1.0], 0.95).expect("intervals");
+    let intervals = bootstrap_intervals(replicates.as_ref(), &[30.0, 1.0], 0.95).expect("intervals");
     let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
-    close(found[0].percentile[0], 0.065);
-    close(found[0].percentile[1], 95.065);
-    close(found[0].basic[0], 60.0 - 95.065);
-    close(found[0].basic[1], 60.0 - 0.065);
-    close(found[0].bias, 33.5 - 30.0);
-    close(found[1].frequency, 61.0 / 101.0);
-    close(found[1].deviation, (61.0 * 40.0 / 101.0 / 100.0_f64).sqrt());
+    close(intervals[0].percentile[0], 0.065);
+    close(intervals[0].percentile[1], 95.065);
+    close(intervals[0].basic[0], 60.0 - 95.065);
+    close(intervals[0].basic[1], 60.0 - 0.065);
+    close(intervals[0].bias, 33.5 - 30.0);
+    close(intervals[1].frequency, 61.0 / 101.0);
+    close(intervals[1].deviation, (61.0 * 40.0 / 101.0 / 100.0_f64).sqrt());
     let nan = Mat::from_fn(3, 1, |i, _| if i == 1 { f64::NAN } else { 0.0 });
     assert_eq!(bootstrap_intervals(nan.as_ref(), &[0.0], 0.9), Err(InferenceError::NotFinite { column: 0 }));
     assert!(bootstrap_intervals(replicates.as_ref(), &[0.0], 0.9).is_err());
@@ -351,10 +353,10 @@ fn constructed_confounding_is_found_with_its_direction() {
     // 0, 2: a copy in other units. 1, 3, 4: a sum. 5 alone, 6 zero.
     let assembled = problem(&["x0", "x1", "1000*x0", "x2", "x1 - 2*x2", "x3", "0*x0"]);
     let all: Vec<usize> = (0..7).collect();
-    let found = confounded(&assembled, &all, 1e-9).expect("found");
-    assert_eq!(found.groups, [vec![0, 2], vec![1, 3, 4]]);
-    assert_eq!((found.zero.as_slice(), found.directions.len()), ([6].as_slice(), 2));
-    for direction in &found.directions {
+    let confounding = confounded(&assembled, &all, 1e-9).expect("found");
+    assert_eq!(confounding.groups, [vec![0, 2], vec![1, 3, 4]]);
+    assert_eq!((confounding.zero.as_slice(), confounding.directions.len()), ([6].as_slice(), 2));
+    for direction in &confounding.directions {
         let of = |j: usize| direction.direction.iter().find(|(i, _)| *i == j).map(|(_, value)| *value);
         match of(0) {
             Some(first) => assert!((of(2).expect("a pair") * 1000.0 / first + 1.0).abs() < 1e-9),
@@ -365,7 +367,9 @@ fn constructed_confounding_is_found_with_its_direction() {
         }
         assert!(direction.remainder < 1e-12, "{}", direction.remainder);
     }
-    assert!(found.inflation[5].is_finite() && found.inflation.iter().filter(|v| v.is_infinite()).count() == 6);
+    assert!(
+        confounding.inflation[5].is_finite() && confounding.inflation.iter().filter(|v| v.is_infinite()).count() == 6
+    );
     assert_eq!(least_squares_on(&assembled, &[5, 6]), Err(InferenceError::NotIdentified { columns: vec![6] }));
     assert!(least_squares_on(&assembled, &[0, 1, 2]).is_err());
     assert!(least_squares_on(&assembled, &[9]).is_err());
@@ -405,15 +409,15 @@ fn thrust_and_impulse_are_known_up_to_a_common_factor_without_a_belief() {
         let weights = if believed { vec![1e-8, 1e-3] } else { vec![1e-8] };
         let assembly = Assembly { weights, ..Assembly::default() };
         let assembled = assemble(&plan.regression.structure(), &banks.total(), &assembly).expect("a problem");
-        let found = confounded(&assembled, &support, 1e-7).expect("found");
+        let confounding = confounded(&assembled, &support, 1e-7).expect("found");
         if believed {
-            assert!(found.groups.is_empty(), "{found:?}");
+            assert!(confounding.groups.is_empty(), "{confounding:?}");
             let theta = least_squares_on(&assembled, &support).expect("identified");
             support.iter().for_each(|&j| assert!((theta[j] / truth[j] - 1.0).abs() < 1e-6, "{j}: {}", theta[j]));
             continue;
         }
-        assert_eq!(found.groups, std::slice::from_ref(&support), "all terms of T and Isp in one group");
-        let direction = &found.directions[0].direction;
+        assert_eq!(confounding.groups, std::slice::from_ref(&support), "all terms of T and Isp in one group");
+        let direction = &confounding.directions[0].direction;
         let factor = direction[0].1 / truth[direction[0].0];
         for &(j, value) in direction {
             assert!((value / (factor * truth[j]) - 1.0).abs() < 1e-6, "{j}: {value} {}", factor * truth[j]);

@@ -15,17 +15,17 @@ fn check(rows: &Rows, form: Form, what: &str, penalty: &Penalty, options: &LarsO
     assert!(matches!(path.status, PathStatus::Complete | PathStatus::Saturated), "{who}: {:?}", path.status);
     assert_eq!(path.knots.last().expect("a knot").l1, 0.0, "{who}");
     let sound = |solution: &fleetfoot_sparse::Solution, place: &str| {
-        let found = solution.certificate;
-        assert!(found.kkt < 1e-8, "{who}, {place}: kkt {:e}, lambda {:e}", found.kkt, solution.l1);
+        let certificate = solution.certificate;
+        assert!(certificate.kkt < 1e-8, "{who}, {place}: kkt {:e}, lambda {:e}", certificate.kkt, solution.l1);
         assert!(
-            (0.0..rows.most_gap(form)).contains(&found.gap),
+            (0.0..rows.most_gap(form)).contains(&certificate.gap),
             "{who}, {place}: gap {:e}, lambda {:e}",
-            found.gap,
+            certificate.gap,
             solution.l1
         );
         if problem.target_deviation() > 0.0 && problem.target_deviation() < 1e90 {
             let violation = rows.violation(penalty, solution);
-            assert!(violation < 1e-8, "{who}, {place}: violation {violation:e}, kkt {:e}", found.kkt);
+            assert!(violation < 1e-8, "{who}, {place}: violation {violation:e}, kkt {:e}", certificate.kkt);
         }
     };
     for (k, knot) in path.knots.iter().enumerate() {
@@ -177,8 +177,8 @@ fn ill_conditioned_columns_end_at_least_squares() {
         let path = lars(&rows.problem(form), &Penalty::standardised(), &LarsOptions::default()).expect("a path");
         path.knots.last().expect("a knot").dense(7)
     };
-    let error = |found: &[f64]| {
-        let apart = |j: usize| (found[j] - exact.coefficients[(j, 0)]).abs() / exact.coefficients[(j, 0)].abs();
+    let error = |coefficients: &[f64]| {
+        let apart = |j: usize| (coefficients[j] - exact.coefficients[(j, 0)]).abs() / exact.coefficients[(j, 0)].abs();
         (0..7).map(apart).fold(0.0, f64::max)
     };
     let (root, gram) = (error(&end(Form::Root)), error(&end(Form::Gram)));

@@ -116,8 +116,8 @@ proptest! {
             let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
             prop_assert!(path.knots.last().is_some_and(|knot| knot.l1 == 0.0), "{what} {form:?} {:?}", path.status);
             for knot in &path.knots {
-                let found = knot.certificate;
-                prop_assert!(found.kkt < 1e-8 && found.gap < 1e-8, "{what} {form:?} {found:?}");
+                let certificate = knot.certificate;
+                prop_assert!(certificate.kkt < 1e-8 && certificate.gap < 1e-8, "{what} {form:?} {certificate:?}");
                 prop_assert!(problem.target_deviation() == 0.0 || rows.violation(&penalty, knot) < 1e-8);
             }
         }

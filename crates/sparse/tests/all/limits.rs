@@ -100,26 +100,31 @@ fn drag_that_least_squares_makes_negative_is_nowhere_negative_with_the_limit() {
         support: None,
     };
     let fit = || fit_within_limits(&problem, Some(&source), &LimitOptions::default(), &Silent).expect("a fit");
-    let found = with_threads(1, fit);
+    let fitted_once = with_threads(1, fit);
     println!(
         "{} passes, {} rows, clearance {:?}, certificate {:?}, objective {} of {}",
-        found.passes,
-        found.cuts.len(),
-        found.clearance,
-        found.fit.certificate,
-        found.fit.objective,
+        fitted_once.passes,
+        fitted_once.cuts.len(),
+        fitted_once.clearance,
+        fitted_once.fit.certificate,
+        fitted_once.fit.objective,
         free.objective
     );
-    assert!(found.kept && found.fit.status == ConstrainedStatus::Solved, "{found:?}");
-    assert!(found.fit.objective >= free.objective * (1.0 - 1e-12));
-    assert!(found.passes <= 20 && found.cuts.len() < 400, "{} passes, {} rows", found.passes, found.cuts.len());
+    assert!(fitted_once.kept && fitted_once.fit.status == ConstrainedStatus::Solved, "{fitted_once:?}");
+    assert!(fitted_once.fit.objective >= free.objective * (1.0 - 1e-12));
+    assert!(
+        fitted_once.passes <= 20 && fitted_once.cuts.len() < 400,
+        "{} passes, {} rows",
+        fitted_once.passes,
+        fitted_once.cuts.len()
+    );
     for latent in [0, 1, 3] {
-        let value = least(&source, &regression, latent, &found.fit.theta);
+        let value = least(&source, &regression, latent, &fitted_once.fit.theta);
         // Another order of summation: rounding of the sum, 1e-12 of the terms, is below the margin.
         assert!(value >= 0.0, "latent {latent}: {value}");
     }
     let again: LimitedFit = with_threads(2, fit);
-    assert_eq!(found, again);
+    assert_eq!(fitted_once, again);
     let missing = [RowLimit::of_latent("nobody", 4, Limit::AtMost, expression("nothing"))];
     let refused = |limits: &[RowLimit]| {
         let problem = LimitedRegression { limits, ..problem };
@@ -198,9 +203,9 @@ proptest! {
             support: None,
         };
         // No rows are needed: the matrix is the same at all of them.
-        let found = fit_within_limits(&problem, None, &LimitOptions::default(), &Silent).expect("a fit");
-        prop_assert!(found.kept && found.fit.status == ConstrainedStatus::Solved, "{found:?}");
-        prop_assert!(found.clearance[0].place.is_none());
+        let limited_fit = fit_within_limits(&problem, None, &LimitOptions::default(), &Silent).expect("a fit");
+        prop_assert!(limited_fit.kept && limited_fit.fit.status == ConstrainedStatus::Solved, "{limited_fit:?}");
+        prop_assert!(limited_fit.clearance[0].place.is_none());
         let block = source.read(0, 0..40, Halo::default()).expect("rows");
         let means: Vec<f64> = (0..latents).map(|column| block.column(column).iter().sum::<f64>() / 40.0).collect();
         let eigen = full(order, &means).self_adjoint_eigen(Side::Lower).expect("eigenvalues");
@@ -211,8 +216,8 @@ proptest! {
         // The margin is a millionth of the largest entry; objectives differ by it, and matrices by its root times the curvature of the cone.
         let size = means.iter().fold(1.0_f64, |size, mean| size.max(mean.abs()));
         let square = |matrix: &Mat<f64>| (matrix - &full(order, &means)).squared_norm_l2();
-        let fitted = full(order, &found.fit.theta);
-        prop_assert!(square(&fitted).sqrt() <= square(&nearest).sqrt() + 1e-5 * size, "{found:?}");
+        let fitted = full(order, &limited_fit.fit.theta);
+        prop_assert!(square(&fitted).sqrt() <= square(&nearest).sqrt() + 1e-5 * size, "{limited_fit:?}");
         prop_assert!((&fitted - &nearest).norm_max() < 5e-3 * size, "{fitted:?} {nearest:?}");
     }
 }
@@ -279,16 +284,25 @@ fn an_inertia_that_least_squares_leaves_indefinite_is_positive_definite_at_every
     let free =
         constrained(&assembled, &constraints, problem.strength, None, &ConstrainedOptions::default()).expect("free");
     let fit = || fit_within_limits(&problem, Some(&source), &LimitOptions::default(), &Silent).expect("a fit");
-    let found = with_threads(1, fit);
-    println!("{} freely, {} within {:?}", least(&free.theta), least(&found.fit.theta), found.clearance);
-    println!("{} passes, {} cuts, {:?} {:?}", found.passes, found.cuts.len(), free.theta, found.fit.theta);
+    let fitted_once = with_threads(1, fit);
+    println!("{} freely, {} within {:?}", least(&free.theta), least(&fitted_once.fit.theta), fitted_once.clearance);
+    println!(
+        "{} passes, {} cuts, {:?} {:?}",
+        fitted_once.passes,
+        fitted_once.cuts.len(),
+        free.theta,
+        fitted_once.fit.theta
+    );
     assert!(least(&free.theta) < -0.05, "least squares is not positive definite: {free:?}");
-    assert!(found.kept && found.fit.status == ConstrainedStatus::Solved && found.passes <= 25, "{found:?}");
+    assert!(
+        fitted_once.kept && fitted_once.fit.status == ConstrainedStatus::Solved && fitted_once.passes <= 25,
+        "{fitted_once:?}"
+    );
     // Rounding of another formula.
-    assert!(least(&found.fit.theta) >= 1e-3 - 1e-14);
-    assert!(found.fit.objective > free.objective);
-    assert_eq!(with_threads(2, fit), found);
-    assert_eq!(with_threads(7, fit), found);
+    assert!(least(&fitted_once.fit.theta) >= 1e-3 - 1e-14);
+    assert!(fitted_once.fit.objective > free.objective);
+    assert_eq!(with_threads(2, fit), fitted_once);
+    assert_eq!(with_threads(7, fit), fitted_once);
 
     let no_rows =
         fit_within_limits(&problem, None, &LimitOptions::default(), &Silent).expect_err("refused").to_string();
@@ -338,11 +352,11 @@ fn a_friction_takes_power_and_gives_none() {
     };
     let free =
         constrained(&assembled, &constraints, problem.strength, None, &ConstrainedOptions::default()).expect("free");
-    let found = fit_within_limits(&problem, Some(&source), &LimitOptions::default(), &Silent).expect("a fit");
-    println!("{} {:?}", least(&free.theta), found.clearance);
+    let limited_fit = fit_within_limits(&problem, Some(&source), &LimitOptions::default(), &Silent).expect("a fit");
+    println!("{} {:?}", least(&free.theta), limited_fit.clearance);
     assert!(least(&free.theta) < -1e-3, "{free:?}");
     // The sum is another one: rounding of its terms, which are below 1.
-    assert!(found.kept && least(&found.fit.theta) >= -1e-15, "{found:?}");
+    assert!(limited_fit.kept && least(&limited_fit.fit.theta) >= -1e-15, "{limited_fit:?}");
     // All rows as constraints of one program, which the cutting planes do without: the same minimum, but for the margin.
     let all = v.iter().enumerate().map(|(row, &v)| LinearConstraint {
         name: format!("row {row}"),
@@ -355,6 +369,11 @@ fn a_friction_takes_power_and_gives_none() {
     };
     let oracle =
         constrained(&assembled, &all, problem.strength, None, &ConstrainedOptions::default()).expect("an oracle");
-    let difference = found.fit.objective - oracle.objective;
-    assert!((-1e-9..1e-5).contains(&(difference / oracle.objective)), "{} {}", found.fit.objective, oracle.objective);
+    let difference = limited_fit.fit.objective - oracle.objective;
+    assert!(
+        (-1e-9..1e-5).contains(&(difference / oracle.objective)),
+        "{} {}",
+        limited_fit.fit.objective,
+        oracle.objective
+    );
 }

@@ -103,8 +103,8 @@ fn unpenalised_columns_are_partialled_out() {
         let path = lars(&rows.problem(form), &penalty, &LarsOptions::default()).expect("a path");
         assert_eq!(path.knots.len(), expected.knots.len());
         for (a, b) in path.knots.iter().zip(&expected.knots) {
-            let found: Vec<f64> = kept.iter().map(|&j| a.coefficient(j)).collect();
-            assert!((a.l1 - b.l1).abs() < 1e-11 * expected.knots[0].l1 && close(&found, &b.dense(5), 1e-10));
+            let selected: Vec<f64> = kept.iter().map(|&j| a.coefficient(j)).collect();
+            assert!((a.l1 - b.l1).abs() < 1e-11 * expected.knots[0].l1 && close(&selected, &b.dense(5), 1e-10));
             assert!(free.iter().all(|&j| a.coefficient(j) != 0.0));
         }
     }
@@ -133,15 +133,15 @@ fn the_adaptive_lasso_is_the_lasso_of_rescaled_columns() {
     factor.push(Mat::from_fn(80, 7, |i, j| if j < 6 { rows.x[(i, j)] } else { rows.y[i] }).as_ref(), None);
     let root = factor.square_root();
     for (initial, l2) in [(Initial::LeastSquares, 0.0), (Initial::Ridge { l2: 0.2 }, 0.2)] {
-        let found = adaptive(&problem, &penalty, initial, 1.5).expect("a penalty");
+        let adapted = adaptive(&problem, &penalty, initial, 1.5).expect("a penalty");
         let first = ridge(&root, &[1.0; 6], l2, None).coefficients;
         let expected: Vec<f64> = (0..6).map(|j| first[(j, 0)].abs().powf(-1.5)).collect();
-        assert!(found.factors.iter().zip(&expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-9));
+        assert!(adapted.factors.iter().zip(&expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-9));
         // b_j w_j = c_j: a plain lasso in columns x_j / w_j.
         let x = Mat::from_fn(80, 6, |i, j| rows.x[(i, j)] / expected[j]);
         let scaled = Quadratic::from_rows(x.as_ref(), &rows.y, None, true).expect("rows");
         let plain = lars(&scaled, &Penalty::default(), &LarsOptions::default()).expect("a path");
-        let path = lars(&problem, &found, &LarsOptions::default()).expect("a path");
+        let path = lars(&problem, &adapted, &LarsOptions::default()).expect("a path");
         assert_eq!(path.knots.len(), plain.knots.len());
         for (a, b) in path.knots.iter().zip(&plain.knots) {
             let back: Vec<f64> = (0..6).map(|j| b.coefficient(j) / expected[j]).collect();
@@ -167,8 +167,11 @@ fn degrees_of_freedom_are_the_trace_of_the_hat_matrix() {
             let options = LarsOptions { l2, ..LarsOptions::default() };
             let path = lars(&problem, &Penalty::default(), &options).expect("a path");
             for knot in &path.knots {
-                let found = degrees_of_freedom(&problem, &Penalty::default(), knot).expect("a number");
-                assert!((found - knot.support.len() as f64 / (1.0 + l2)).abs() < 1e-12, "{found}");
+                let degrees_of_freedom = degrees_of_freedom(&problem, &Penalty::default(), knot).expect("a number");
+                assert!(
+                    (degrees_of_freedom - knot.support.len() as f64 / (1.0 + l2)).abs() < 1e-12,
+                    "{degrees_of_freedom}"
+                );
             }
             assert_eq!(path.knots.last().expect("a knot").support.len(), 7);
         }
@@ -183,17 +186,17 @@ fn the_certificate_refuses_what_is_no_solution() {
     let lambda = 0.1 * lambda_max(&problem, &penalty, 1.0).expect("a lambda");
     let strength = Strength::lasso(lambda);
     let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
-    let mut found = path.coefficients(lambda).expect("on the path");
-    let good = certificate(&problem, &penalty, strength, &found).expect("a certificate");
+    let mut coefficients = path.coefficients(lambda).expect("on the path");
+    let good = certificate(&problem, &penalty, strength, &coefficients).expect("a certificate");
     assert!(good.kkt < 1e-14 && good.gap < 1e-14);
-    let moved = found.iter().position(|&value| value != 0.0).expect("an active column");
-    found[moved] *= 1.0 + 1e-3;
-    let worse = certificate(&problem, &penalty, strength, &found).expect("a certificate");
+    let moved = coefficients.iter().position(|&value| value != 0.0).expect("an active column");
+    coefficients[moved] *= 1.0 + 1e-3;
+    let worse = certificate(&problem, &penalty, strength, &coefficients).expect("a certificate");
     // The gap bounds what was lost, and not by much.
     let lost = 2.0 * (worse.objective - good.objective) / problem.target_deviation().powi(2);
     assert!(worse.kkt > 1e-5 && worse.gap >= lost && lost > 0.0, "{worse:?} {lost:e}");
-    found[moved] = -1.0;
-    assert_eq!(certificate(&problem, &penalty, strength, &found).expect("a certificate").kkt, f64::INFINITY);
+    coefficients[moved] = -1.0;
+    assert_eq!(certificate(&problem, &penalty, strength, &coefficients).expect("a certificate").kkt, f64::INFINITY);
     let zero = certificate(&problem, &penalty, strength, &[0.0; 4]).expect("a certificate");
     assert!(
         zero.kkt > 0.01 && zero.gap > 0.01 && (zero.objective / problem.target_deviation().powi(2) - 0.5).abs() < 1e-12
@@ -276,8 +279,9 @@ fn pure_ridge_is_that_of_the_small_solves() {
     let expected = ridge(&factor.square_root(), &[1.0; 5], 0.4, None);
     let options = CoordinateOptions { l1_ratio: 0.0, ..CoordinateOptions::default() };
     for form in crate::common::FORMS {
-        let found = coordinate_descent(&rows.problem(form), &Penalty::default(), &[0.4], &options).expect("a solution");
-        assert!(found[0].converged && close(&found[0].dense(5), expected.coefficients.col_as_slice(0), 1e-11));
-        assert!((found[0].intercept - expected.intercept[0]).abs() < 1e-10);
+        let solutions =
+            coordinate_descent(&rows.problem(form), &Penalty::default(), &[0.4], &options).expect("a solution");
+        assert!(solutions[0].converged && close(&solutions[0].dense(5), expected.coefficients.col_as_slice(0), 1e-11));
+        assert!((solutions[0].intercept - expected.intercept[0]).abs() < 1e-10);
     }
 }

@@ -148,16 +148,16 @@ fn agree(kinds: &[&str]) -> usize {
             let seen = |j: &usize| case.name != "lorenz0" || shares[*j] * answer.coefficients[*j].abs() > 1e-9;
             let theirs: Vec<usize> = (0..shares.len()).filter(|&j| answer.coefficients[j].abs() > 1e-14).collect();
             let theirs: Vec<usize> = theirs.into_iter().filter(seen).collect();
-            let own: Vec<usize> = step.support.iter().copied().filter(seen).collect();
+            let support: Vec<usize> = step.support.iter().copied().filter(seen).collect();
             let moves = |j: usize| shares[j] * (step.coefficients[j] - answer.coefficients[j]).abs();
             let largest = (0..shares.len()).map(|j| shares[j] * answer.coefficients[j].abs()).fold(1.0, f64::max);
             let apart = (0..shares.len()).map(moves).fold(0.0, f64::max) / largest;
             let tolerance = if refitted(answer) { orthogonal } else { normal };
             let ratios = trail.steps.last().and_then(|step| step.err.clone()).unwrap_or_default();
             let ratio = ratios.iter().zip(&answer.err).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            if own != theirs || apart.is_nan() || apart.max(ratio) > tolerance {
+            if support != theirs || apart.is_nan() || apart.max(ratio) > tolerance {
                 let who = format!("{} {} {:?}", case.name, answer.kind, answer.more);
-                wrong.push(format!("{who}: {own:?} {theirs:?} {apart:e} {ratio:e}"));
+                wrong.push(format!("{who}: {support:?} {theirs:?} {apart:e} {ratio:e}"));
             }
             count += 1;
         }

@@ -114,36 +114,40 @@ fn cross_validation_is_that_of_scikit_learn() {
             let mut alphas: Vec<f64> = lines.iter().map(|line| line[0]).collect();
             alphas.sort_by(|a, b| b.total_cmp(a));
             for most_for_lars in [400, 0] {
-                let found = run(Lambdas::List(alphas.clone()), most_for_lars);
-                assert_eq!(found.lambdas, alphas, "{who}");
-                assert!(found.inexact.is_empty(), "{who}");
-                assert_eq!(found.best_lambda(), parameters[1], "{who}");
+                let validation = run(Lambdas::List(alphas.clone()), most_for_lars);
+                assert_eq!(validation.lambdas, alphas, "{who}");
+                assert!(validation.inexact.is_empty(), "{who}");
+                assert_eq!(validation.best_lambda(), parameters[1], "{who}");
                 for line in lines {
                     let at = alphas.iter().position(|alpha| *alpha == line[0]).expect("an alpha");
                     // Coordinate descent stops at a violation of 1e-9; the path is exact.
                     let tolerance = if most_for_lars > 0 && parameters[0] == 1.0 { 1e-9 } else { 1e-7 };
                     for (fold, theirs) in line[1..].iter().enumerate() {
-                        let apart = relative(*theirs, found.errors[(at, fold)]);
+                        let apart = relative(*theirs, validation.errors[(at, fold)]);
                         assert!(apart < tolerance, "{who}, alpha {}, fold {fold}: {apart:e}", line[0]);
                     }
                     let mean = line[1..].iter().sum::<f64>() / case.folds as f64;
-                    assert!(relative(mean, found.mean[at]) < tolerance, "{who}: mean");
+                    assert!(relative(mean, validation.mean[at]) < tolerance, "{who}: mean");
                     let variance = line[1..].iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (case.folds - 1) as f64;
                     let error = (variance / case.folds as f64).sqrt();
-                    assert!(relative(error, found.standard_error[at]) < 100.0 * tolerance, "{who}: standard error");
+                    assert!(
+                        relative(error, validation.standard_error[at]) < 100.0 * tolerance,
+                        "{who}: standard error"
+                    );
                     compared += 1;
                 }
             }
             if kind == "LassoLarsCV" {
-                let found = run(Lambdas::Knots, 400);
+                let validation = run(Lambdas::Knots, 400);
                 assert!(
-                    relative(found.best_lambda(), parameters[1]) < 1e-9,
+                    relative(validation.best_lambda(), parameters[1]) < 1e-9,
                     "{who}: {} {}",
-                    found.best_lambda(),
+                    validation.best_lambda(),
                     parameters[1]
                 );
                 // Every alpha of theirs that some fold has a knot at is one of ours.
-                let apart = |alpha: f64| found.lambdas.iter().map(|l| (l - alpha).abs()).fold(f64::INFINITY, f64::min);
+                let apart =
+                    |alpha: f64| validation.lambdas.iter().map(|l| (l - alpha).abs()).fold(f64::INFINITY, f64::min);
                 let most = alphas.iter().map(|alpha| apart(*alpha)).fold(0.0, f64::max);
                 assert!(most < 1e-9 * alphas[0], "{who}: {most:e}");
             }
@@ -160,13 +164,13 @@ fn criteria_are_those_of_scikit_learn() {
         for (kind, parameters, lines) in case.answers.iter().filter(|(kind, ..)| kind.ends_with("ic")) {
             for variance in [NoiseVariance::LeastSquares, NoiseVariance::Known(parameters[0])] {
                 let options = CriteriaOptions { variance, ..CriteriaOptions::default() };
-                let found = information_criteria(&problem, &Penalty::default(), &path, &options).expect("criteria");
+                let criteria = information_criteria(&problem, &Penalty::default(), &path, &options).expect("criteria");
                 let (values, best) =
-                    if kind == "aic" { (&found.aic, found.best[0]) } else { (&found.bic, found.best[1]) };
+                    if kind == "aic" { (&criteria.aic, criteria.best[0]) } else { (&criteria.bic, criteria.best[1]) };
                 // They do not count the intercept.
                 let intercept = if kind == "aic" { 2.0 } else { (case.x.nrows() as f64).ln() };
                 assert_eq!(values.len(), lines.len(), "{}", case.name);
-                for ((value, lambda), line) in values.iter().zip(&found.lambdas).zip(lines) {
+                for ((value, lambda), line) in values.iter().zip(&criteria.lambdas).zip(lines) {
                     assert!((lambda - line[0]).abs() < 1e-9 * lines[0][0], "{}: {lambda} {}", case.name, line[0]);
                     assert!(
                         (value - intercept - line[1]).abs() < 1e-9 * line[1].abs(),
@@ -175,15 +179,15 @@ fn criteria_are_those_of_scikit_learn() {
                         line[1]
                     );
                 }
-                assert!((found.lambdas[best] - parameters[1]).abs() < 1e-9 * lines[0][0], "{} {kind}", case.name);
+                assert!((criteria.lambdas[best] - parameters[1]).abs() < 1e-9 * lines[0][0], "{} {kind}", case.name);
             }
             // EBIC charges for the number of models: it is BIC at gamma = 0, and never larger a model.
             let options = CriteriaOptions { gamma: 0.0, ..CriteriaOptions::default() };
             let plain = information_criteria(&problem, &Penalty::default(), &path, &options).expect("criteria");
             assert_eq!(plain.bic, plain.ebic);
             let options = CriteriaOptions { gamma: 1.0, ..CriteriaOptions::default() };
-            let found = information_criteria(&problem, &Penalty::default(), &path, &options).expect("criteria");
-            assert!(found.degrees_of_freedom[found.best[2]] <= found.degrees_of_freedom[found.best[1]]);
+            let criteria = information_criteria(&problem, &Penalty::default(), &path, &options).expect("criteria");
+            assert!(criteria.degrees_of_freedom[criteria.best[2]] <= criteria.degrees_of_freedom[criteria.best[1]]);
         }
     }
 }
@@ -272,8 +276,8 @@ fn held_out_errors_are_those_of_the_rows() {
     let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     let lambdas = vec![1.0, 0.3, 0.1, 0.03, 0.01, 0.001];
     let options = SelectOptions { lambdas: Lambdas::List(lambdas.clone()), ..SelectOptions::default() };
-    let found = cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
-    assert_eq!((found.tasks.len(), found.errors.ncols()), (2, 5));
+    let validation = cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
+    assert_eq!((validation.tasks.len(), validation.errors.ncols()), (2, 5));
 
     // Folds come in the order of the episodes' ids.
     let mut order: Vec<(EpisodeId, usize)> =
@@ -300,24 +304,27 @@ fn held_out_errors_are_those_of_the_rows() {
             };
             let (first, second) = (mse(0), mse(1));
             for (expected, value) in [
-                (first, found.tasks[0][(l, fold)]),
-                (second, found.tasks[1][(l, fold)]),
-                (first + 1e-4 * second, found.errors[(l, fold)]),
+                (first, validation.tasks[0][(l, fold)]),
+                (second, validation.tasks[1][(l, fold)]),
+                (first + 1e-4 * second, validation.errors[(l, fold)]),
             ] {
                 assert!(relative(expected, value) < 1e-9, "fold {fold}, lambda {lambda}: {expected} {value}");
             }
         }
-        assert_eq!(found.rows[fold], test.rows[0].nrows() as f64);
+        assert_eq!(validation.rows[fold], test.rows[0].nrows() as f64);
     }
     for l in 0..lambdas.len() {
-        let mean = (0..5).map(|fold| found.rows[fold] * found.errors[(l, fold)]).sum::<f64>() / 316.0;
-        assert!(relative(mean, found.mean[l]) < 1e-12);
+        let mean = (0..5).map(|fold| validation.rows[fold] * validation.errors[(l, fold)]).sum::<f64>() / 316.0;
+        assert!(relative(mean, validation.mean[l]) < 1e-12);
     }
-    assert_eq!(found.best, (0..6).min_by(|&a, &b| found.mean[a].total_cmp(&found.mean[b])).expect("six"));
-    assert!(found.one_standard_error <= found.best);
-    let limit = found.mean[found.best] + found.standard_error[found.best];
-    assert!(found.mean[found.one_standard_error] <= limit);
-    assert!((0..found.one_standard_error).all(|l| found.mean[l] > limit));
+    assert_eq!(
+        validation.best,
+        (0..6).min_by(|&a, &b| validation.mean[a].total_cmp(&validation.mean[b])).expect("six")
+    );
+    assert!(validation.one_standard_error <= validation.best);
+    let limit = validation.mean[validation.best] + validation.standard_error[validation.best];
+    assert!(validation.mean[validation.one_standard_error] <= limit);
+    assert!((0..validation.one_standard_error).all(|l| validation.mean[l] > limit));
 }
 
 /// Nothing predicts turbulence: the best model errs on flights that it has not seen by hardly more than the true one.
@@ -328,18 +335,20 @@ fn an_aircraft_is_known_from_its_other_flights() {
     let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");
     assert_eq!(folds.len(), 30);
     let options = SelectOptions { lambdas: Lambdas::Grid { count: 60, ratio: 1e-7 }, ..SelectOptions::default() };
-    let found = cross_validate(&climbs.structure, &banks, &climbs.assembly, &folds, &options, &Silent).expect("errors");
-    assert!(found.inexact.is_empty());
-    let ratio = found.mean[found.best] / climbs.unexplained;
+    let validation =
+        cross_validate(&climbs.structure, &banks, &climbs.assembly, &folds, &options, &Silent).expect("errors");
+    assert!(validation.inexact.is_empty());
+    let ratio = validation.mean[validation.best] / climbs.unexplained;
     assert!((0.99..1.1).contains(&ratio), "{ratio}");
     // The one-standard-error model is smaller, and by the rule no worse than that error.
-    assert!(found.features[found.one_standard_error] < found.features[found.best]);
-    assert!(found.mean[0] > 10.0 * found.mean[found.best]);
+    assert!(validation.features[validation.one_standard_error] < validation.features[validation.best]);
+    assert!(validation.mean[0] > 10.0 * validation.mean[validation.best]);
 }
 
-fn bits(found: &CrossValidation) -> Vec<u64> {
-    let errors = (0..found.errors.ncols()).flat_map(|fold| found.errors.col_as_slice(fold).to_vec());
-    errors.chain(found.mean.clone()).chain(found.lambdas.clone()).map(f64::to_bits).collect()
+fn bits(cross_validation: &CrossValidation) -> Vec<u64> {
+    let errors =
+        (0..cross_validation.errors.ncols()).flat_map(|fold| cross_validation.errors.col_as_slice(fold).to_vec());
+    errors.chain(cross_validation.mean.clone()).chain(cross_validation.lambdas.clone()).map(f64::to_bits).collect()
 }
 
 #[test]
@@ -379,10 +388,10 @@ fn groups_are_cross_validated_like_columns() {
     // The constant, the powers of x, those of z, and the product.
     let signals = [0, 1, 1, 1, 2, 2, 3];
     for l1_ratio in [0.0, 0.5] {
-        let found = run(1, lasso(&signals, l1_ratio));
-        assert_eq!(found, run(3, lasso(&signals, l1_ratio)));
-        assert!(found.inexact.is_empty() && found.one_standard_error <= found.best);
-        assert!(found.mean[found.best] < 0.2 * found.mean[0]);
+        let validation = run(1, lasso(&signals, l1_ratio));
+        assert_eq!(validation, run(3, lasso(&signals, l1_ratio)));
+        assert!(validation.inexact.is_empty() && validation.one_standard_error <= validation.best);
+        assert!(validation.mean[validation.best] < 0.2 * validation.mean[0]);
     }
     let (ones, plain) = (run(2, lasso(&[0, 1, 2, 3, 4, 5, 6], 0.0)), run(2, Estimator::default()));
     assert!(ones.mean.iter().zip(&plain.mean).all(|(a, b)| relative(*a, *b) < 1e-8));
@@ -390,7 +399,7 @@ fn groups_are_cross_validated_like_columns() {
     // An error of a fold is that of the rows of its episode.
     let lambda = 0.05 * run(1, lasso(&signals, 0.0)).lambdas[0];
     let options = SelectOptions { lambdas: Lambdas::List(vec![lambda]), estimator: lasso(&signals, 0.0) };
-    let found = cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
+    let validation = cross_validate(&structure, &banks, &study.assembly, &folds, &options, &Silent).expect("errors");
     let mut of_episode: Vec<f64> = Vec::new();
     for episode in 0..study.episodes.len() {
         let train = study.rows(|e| e != episode);
@@ -408,7 +417,7 @@ fn groups_are_cross_validated_like_columns() {
         };
         of_episode.push(error(0) + 1e-4 * error(1));
     }
-    let mut of_fold: Vec<f64> = (0..5).map(|fold| found.errors[(0, fold)]).collect();
+    let mut of_fold: Vec<f64> = (0..5).map(|fold| validation.errors[(0, fold)]).collect();
     of_fold.sort_by(f64::total_cmp);
     of_episode.sort_by(f64::total_cmp);
     assert!(of_fold.iter().zip(&of_episode).all(|(a, b)| relative(*a, *b) < 1e-9), "{of_fold:?} {of_episode:?}");
@@ -475,14 +484,14 @@ fn correlated_rows_count_for_less() {
     let options =
         |observations: f64| CriteriaOptions { observations: Some(observations), ..CriteriaOptions::default() };
     let choose = |observations: f64| {
-        let found = task_criteria(&structure, &total, &study.assembly, &assembled, &path, &options(observations))
+        let criteria = task_criteria(&structure, &total, &study.assembly, &assembled, &path, &options(observations))
             .expect("criteria");
-        found.degrees_of_freedom[found.best[1]]
+        criteria.degrees_of_freedom[criteria.best[1]]
     };
     assert!(choose(8.0) <= choose(2.0 * white));
     assert!(choose(2.0 * white) >= 4.0);
     // The measured tasks are scored, not the prior: from the rows, at the last knot.
-    let found = task_criteria(&structure, &total, &study.assembly, &assembled, &path, &CriteriaOptions::default())
+    let criteria = task_criteria(&structure, &total, &study.assembly, &assembled, &path, &CriteriaOptions::default())
         .expect("criteria");
     let sum = |task: usize| {
         let (matrix, columns) = (&rows.rows[task], structure.columns(task));
@@ -490,8 +499,8 @@ fn correlated_rows_count_for_less() {
         (0..316).map(|i| (matrix[(i, columns.len())] - predicted(i)).powi(2)).sum::<f64>() / 316.0
     };
     let expected = (sum(0) + 1e-4 * sum(1)) / 2.0;
-    assert!(relative(expected, *found.mse.last().expect("a knot")) < 1e-9);
-    assert_eq!(found.observations, 632.0);
+    assert!(relative(expected, *criteria.mse.last().expect("a knot")) < 1e-9);
+    assert_eq!(criteria.observations, 632.0);
 }
 
 #[test]
@@ -515,6 +524,6 @@ fn what_cannot_be_chosen_is_told() {
         Quadratic::from_rows(Mat::<f64>::identity(4, 4).as_ref(), &[1.0, 2.0, 3.0, 5.0], None, true).expect("rows");
     let path = lars(&rows, &Penalty::default(), &LarsOptions::default()).expect("a path");
     let options = CriteriaOptions { variance: NoiseVariance::LeastSquares, ..CriteriaOptions::default() };
-    let found = information_criteria(&rows, &Penalty::default(), &path, &options);
-    assert!(matches!(found, Err(SelectError::NoVariance { .. })), "{found:?}");
+    let criteria = information_criteria(&rows, &Penalty::default(), &path, &options);
+    assert!(matches!(criteria, Err(SelectError::NoVariance { .. })), "{criteria:?}");
 }

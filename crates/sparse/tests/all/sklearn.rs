@@ -80,16 +80,16 @@ fn agree(
     penalty: &Penalty,
     strength: Strength,
     answer: (&Answer, &[f64]),
-    found: &[f64],
+    solutions: &[f64],
 ) {
     let (answer, theirs) = answer;
     if answer.unique {
-        let apart = difference(problem, theirs, found);
+        let apart = difference(problem, theirs, solutions);
         assert!(apart < 1e-9, "{who}: coefficients are {apart:e} apart");
     }
     let objective = |b: &[f64]| certificate(problem, penalty, strength, b).expect("a certificate").objective;
     let scale = problem.target_deviation().powi(2);
-    let apart = (objective(theirs) - objective(found)) / scale;
+    let apart = (objective(theirs) - objective(solutions)) / scale;
     assert!(apart.abs() < 1e-9, "{who}: objectives are {apart:e} apart");
 }
 
@@ -142,8 +142,8 @@ fn solutions_are_those_of_the_estimators() {
             let penalty = Penalty { signs, ..Penalty::default() };
             let l1_ratio = if answer.kind == "ElasticNet" { answer.more[0] } else { 1.0 };
             let options = CoordinateOptions { l1_ratio, ..CoordinateOptions::default() };
-            let found = coordinate_descent(&problem, &penalty, &answer.alphas, &options).expect("solutions");
-            for ((&alpha, theirs), solution) in answer.alphas.iter().zip(&answer.coefficients).zip(&found) {
+            let solutions = coordinate_descent(&problem, &penalty, &answer.alphas, &options).expect("solutions");
+            for ((&alpha, theirs), solution) in answer.alphas.iter().zip(&answer.coefficients).zip(&solutions) {
                 let who = format!("{}, {} {:?}, alpha = {alpha}", case.name, answer.kind, answer.more);
                 let strength = Strength::elastic_net(alpha, l1_ratio);
                 let ours = solution.dense(case.x.ncols());

@@ -57,14 +57,14 @@ proptest! {
         if with_prior {
             tasks.assembly.tikhonov = Some(random_tikhonov(&tasks, seed));
         }
-        let found = assembled(&tasks);
+        let assembled_problem = assembled(&tasks);
         let scale = if raw { vec![1.0; tasks.p()] } else { tasks.scale() };
-        for (a, b) in found.scale.iter().zip(&scale) {
-            prop_assert!((a / b - 1.0).abs() < 1e-11, "scales {:?}, from rows {scale:?}", found.scale);
+        for (a, b) in assembled_problem.scale.iter().zip(&scale) {
+            prop_assert!((a / b - 1.0).abs() < 1e-11, "scales {:?}, from rows {scale:?}", assembled_problem.scale);
         }
         let (b, y) = tasks.stacked();
-        let explicit = tasks.explicit(&b, &y, &found.scale);
-        prop_assert!((found.problem.weight() / tasks.n() - 1.0).abs() < 1e-14);
+        let explicit = tasks.explicit(&b, &y, &assembled_problem.scale);
+        prop_assert!((assembled_problem.problem.weight() / tasks.n() - 1.0).abs() < 1e-14);
 
         // The objective anywhere.
         let mut rng = Pcg64::seed_from_u64(seed);
@@ -73,12 +73,12 @@ proptest! {
         for _ in 0..3 {
             let u: Vec<f64> = deviation.iter().map(|d| if *d > 0.0 { tau / d * gaussian(&mut rng) } else { 0.0 }).collect();
             let strength = Strength::lasso(tau * rng.random_range(0.0..1.0));
-            let objective = |problem: &Quadratic| certificate(problem, &found.penalty, strength, &u).expect("valid").objective;
-            let (a, b) = (objective(&found.problem), objective(&explicit));
+            let objective = |problem: &Quadratic| certificate(problem, &assembled_problem.penalty, strength, &u).expect("valid").objective;
+            let (a, b) = (objective(&assembled_problem.problem), objective(&explicit));
             prop_assert!((a / b - 1.0).abs() < 1e-11, "{a:e} {b:e}");
         }
         // The path everywhere.
-        let (a, b) = (path(&found.problem, &found.penalty), path(&explicit, &found.penalty));
+        let (a, b) = (path(&assembled_problem.problem, &assembled_problem.penalty), path(&explicit, &assembled_problem.penalty));
         // Whether rows are interpolated is a matter of the last digits: both ends are at lambda = 0.
         let end = |status| if status == PathStatus::Saturated { PathStatus::Complete } else { status };
         prop_assert_eq!(end(a.status), end(b.status));
@@ -96,13 +96,13 @@ proptest! {
     #[test]
     fn few_rows_are_enough(seed in any::<u64>()) {
         let tasks = tasks::few(seed);
-        let found = assembled(&tasks);
+        let assembled_problem = assembled(&tasks);
         let (b, y) = tasks.stacked();
-        let explicit = tasks.explicit(&b, &y, &found.scale);
-        let path = path(&found.problem, &found.penalty);
+        let explicit = tasks.explicit(&b, &y, &assembled_problem.scale);
+        let path = path(&assembled_problem.problem, &assembled_problem.penalty);
         for knot in &path.knots {
             let theta = knot.dense(tasks.p());
-            let certified = certificate(&explicit, &found.penalty, Strength::lasso(knot.l1), &theta).expect("valid");
+            let certified = certificate(&explicit, &assembled_problem.penalty, Strength::lasso(knot.l1), &theta).expect("valid");
             prop_assert!(certified.kkt < 1e-7, "{:e} at {:e}", certified.kkt, knot.l1);
         }
     }
@@ -118,7 +118,7 @@ proptest! {
         tasks.assembly.raw = true;
         tasks.assembly.latents = lambda_of.iter().map(|lambda| lambda / lambda_of[0]).collect();
         let lambda = share * first_knot(&tasks);
-        let found = theta(&tasks, lambda);
+        let solution = theta(&tasks, lambda);
 
         let (b, y) = tasks.stacked();
         let latent_of = tasks.structure.latent_of();
@@ -128,8 +128,8 @@ proptest! {
         let beta = path(&surrogate, &Penalty::default()).coefficients(lambda).expect("on the path");
         let expected: Vec<f64> = beta.iter().enumerate().map(|(j, beta)| factor(j) * beta).collect();
         let plain = tasks.explicit(&b, &y, &vec![1.0; tasks.p()]);
-        let apart = apart((&plain.deviation(), plain.target_deviation()), &found, &expected);
-        prop_assert!(apart < 1e-8, "{apart:e} {found:?} {expected:?}");
+        let apart = apart((&plain.deviation(), plain.target_deviation()), &solution, &expected);
+        prop_assert!(apart < 1e-8, "{apart:e} {solution:?} {expected:?}");
     }
 
     /// lambda_k = 0: the group's coefficients are those of least squares given the others, and at a large lambda they are alone.
@@ -140,10 +140,10 @@ proptest! {
         let free = seed as usize % latents;
         tasks.assembly.latents = (0..latents).map(|latent| if latent == free { 0.0 } else { 1.0 }).collect();
         let lambda = share * first_knot(&tasks);
-        let found = theta(&tasks, lambda);
+        let solution = theta(&tasks, lambda);
         let (b, y) = tasks.stacked();
         let left: Vec<f64> =
-            (0..b.nrows()).map(|i| y[i] - (0..tasks.p()).map(|j| b[(i, j)] * found[j]).sum::<f64>()).collect();
+            (0..b.nrows()).map(|i| y[i] - (0..tasks.p()).map(|j| b[(i, j)] * solution[j]).sum::<f64>()).collect();
         let length = |values: &dyn Fn(usize) -> f64| (0..b.nrows()).map(|i| values(i).powi(2)).sum::<f64>().sqrt();
         let size = length(&|i| y[i]);
         for j in tasks.structure.range(free) {
@@ -151,8 +151,8 @@ proptest! {
             prop_assert!(product.abs() <= 1e-9 * size * length(&|i| b[(i, j)]), "{product:e}");
         }
         if share >= 1.0 {
-            for (j, value) in found.iter().enumerate() {
-                prop_assert!(tasks.structure.range(free).contains(&j) || *value == 0.0, "{found:?}");
+            for (j, value) in solution.iter().enumerate() {
+                prop_assert!(tasks.structure.range(free).contains(&j) || *value == 0.0, "{solution:?}");
             }
         }
     }
@@ -164,7 +164,7 @@ proptest! {
         let tikhonov = random_tikhonov(&tasks, seed);
         let (b, y) = tasks.stacked();
         tasks.assembly.tikhonov = Some(tikhonov.clone());
-        let found = theta(&tasks, 0.0);
+        let solution = theta(&tasks, 0.0);
         // In units in which columns have length 1, so that the plain products are well enough conditioned.
         let p = tasks.p();
         let unit: Vec<f64> = (0..p).map(|j| (0..b.nrows()).map(|i| b[(i, j)].powi(2)).sum::<f64>().sqrt()).collect();
@@ -172,8 +172,8 @@ proptest! {
         let gamma = Mat::from_fn(tikhonov.gamma.nrows(), p, |i, j| tikhonov.gamma[(i, j)] / unit[j]);
         let q = gamma.transpose() * &gamma;
         let normal = b.transpose() * &b + faer::Scale(tikhonov.strength) * &q;
-        // The gradient at what was found, by plain products: nothing is inverted, so no condition number takes part.
-        let delta = Mat::from_fn(p, 1, |j, _| found[j] * unit[j]);
+        // The gradient at the solution, by plain products: nothing is inverted, so no condition number takes part.
+        let delta = Mat::from_fn(p, 1, |j, _| solution[j] * unit[j]);
         let prior = Mat::from_fn(p, 1, |j, _| tikhonov.prior[j] * unit[j]);
         let y = Mat::from_fn(b.nrows(), 1, |i, _| y[i]);
         let right = b.transpose() * &y + faer::Scale(tikhonov.strength) * (&q * &prior);
@@ -201,8 +201,8 @@ proptest! {
         let error = |strength: f64| {
             let mut tasks = tasks.clone();
             tasks.assembly.weights[prior] *= strength;
-            let found = theta(&tasks, 0.0);
-            apart((&alone.deviation(), alone.target_deviation()), &found[range.clone()], &expected)
+            let solution = theta(&tasks, 0.0);
+            apart((&alone.deviation(), alone.target_deviation()), &solution[range.clone()], &expected)
         };
         let (near, nearer) = (error(1e6), error(1e8));
         prop_assert!(nearer < 1e-3 && nearer <= 0.02 * near + 1e-9, "{near:e} {nearer:e}");
@@ -218,7 +218,7 @@ proptest! {
         let scale = tasks.scale();
         let p = tasks.p();
         let tau = assembled(&tasks).problem.target_deviation();
-        let close = |found: &[f64]| apart((&scale, tau), found, &expected) < 1e-8;
+        let close = |solution: &[f64]| apart((&scale, tau), solution, &expected) < 1e-8;
 
         // Units of the functions: the coefficients have theirs.
         let units: Vec<f64> = (0..p).map(|_| factor()).collect();
@@ -228,8 +228,8 @@ proptest! {
                 (0..rows.nrows()).for_each(|i| rows[(i, column)] *= units[j]);
             }
         }
-        let found: Vec<f64> = theta(&changed, lambda).iter().zip(&units).map(|(theta, unit)| theta * unit).collect();
-        prop_assert!(close(&found), "units of functions {found:?} {expected:?}");
+        let solution: Vec<f64> = theta(&changed, lambda).iter().zip(&units).map(|(theta, unit)| theta * unit).collect();
+        prop_assert!(close(&solution), "units of functions {solution:?} {expected:?}");
 
         // Units of an equation: its weight has their square.
         let mut changed = tasks.clone();
@@ -247,8 +247,8 @@ proptest! {
             let last = rows.ncols() - 1;
             (0..rows.nrows()).for_each(|i| rows[(i, last)] *= unit);
         }
-        let found: Vec<f64> = theta(&changed, unit * lambda).iter().map(|theta| theta / unit).collect();
-        prop_assert!(close(&found), "units of targets");
+        let solution: Vec<f64> = theta(&changed, unit * lambda).iter().map(|theta| theta / unit).collect();
+        prop_assert!(close(&solution), "units of targets");
 
         // All task weights: lambda has their root, since the columns' scale has it too.
         let mut changed = tasks.clone();
@@ -284,9 +284,9 @@ proptest! {
                 first += count;
             }
         }
-        let found = theta(&changed, lambda);
+        let solution = theta(&changed, lambda);
         let mirrored: Vec<f64> =
-            (0..tasks.structure.functions.len()).flat_map(|l| found[tasks.structure.range(l)].iter().rev().copied()).collect();
+            (0..tasks.structure.functions.len()).flat_map(|l| solution[tasks.structure.range(l)].iter().rev().copied()).collect();
         prop_assert!(apart((&scale, tau), &mirrored, &expected) < 1e-8, "functions {mirrored:?} {expected:?}");
 
         // Latents in reverse: another numbering, the tasks' columns stay where they are.
@@ -297,9 +297,9 @@ proptest! {
         for shape in &mut changed.structure.tasks {
             shape.latents.iter_mut().for_each(|latent| *latent = latents - 1 - *latent);
         }
-        let found = theta(&changed, lambda);
+        let solution = theta(&changed, lambda);
         let back: Vec<f64> =
-            (0..latents).flat_map(|l| found[changed.structure.range(latents - 1 - l)].to_vec()).collect();
+            (0..latents).flat_map(|l| solution[changed.structure.range(latents - 1 - l)].to_vec()).collect();
         prop_assert!(apart((&scale, tau), &back, &expected) < 1e-8, "latents {back:?} {expected:?}");
     }
 }

@@ -29,8 +29,8 @@ fn noise(key: u64) -> f64 {
 /// n rows of p columns and targets that depend on a few of them: target t on columns t, t + 2 and t + 3.
 fn rows(seed: u64, n: usize, p: usize, targets: usize, error: f64) -> Mat<f64> {
     let x = |i: usize, j: usize| {
-        let own = noise(seed ^ ((i * 131 + j) as u64 + 1).wrapping_mul(0x9e37_79b9));
-        (1.0 + j as f64) * (own + 0.4 * noise(seed ^ (i as u64) << 32))
+        let uniform = noise(seed ^ ((i * 131 + j) as u64 + 1).wrapping_mul(0x9e37_79b9));
+        (1.0 + j as f64) * (uniform + 0.4 * noise(seed ^ (i as u64) << 32))
     };
     Mat::from_fn(n, p + targets, |i, j| match j.checked_sub(p) {
         None => x(i, j),
@@ -141,14 +141,14 @@ fn what_depends_is_named_and_gets_the_least_norm() {
     assert!((2.0 * step.coefficients[5] - 0.5 * alone.coefficients[0]).abs() < 1e-10);
     assert!((step.rss - alone.rss).abs() < 1e-10 * alone.rss);
     for optimizer in every_optimizer() {
-        let found = optimize(&problem, 0, &optimizer, &Terms::all()).expect("a model");
-        assert!(found.choice().coefficients.iter().all(|value| value.is_finite()), "{optimizer:?}");
+        let models = optimize(&problem, 0, &optimizer, &Terms::all()).expect("a model");
+        assert!(models.choice().coefficients.iter().all(|value| value.is_finite()), "{optimizer:?}");
     }
     // Fewer rows than columns.
     let wide = compressed(&rows(8, 4, 9, 1, 0.1), 1, true);
     for optimizer in every_optimizer() {
-        let found = optimize(&wide, 0, &optimizer, &Terms::all()).expect("a model");
-        assert!(found.steps.iter().all(|step| step.rss.is_finite()), "{optimizer:?}");
+        let models = optimize(&wide, 0, &optimizer, &Terms::all()).expect("a model");
+        assert!(models.steps.iter().all(|step| step.rss.is_finite()), "{optimizer:?}");
     }
 }
 
@@ -183,8 +183,8 @@ fn allowed_and_fixed_terms_are_kept_to() {
         }
     }
     let huge = Optimizer::Stlsq(Stlsq { threshold: 1e6, ..Stlsq::default() });
-    let found = optimize(&problem, 0, &huge, &terms).expect("a model");
-    assert_eq!((found.choice().support.as_slice(), found.choice().status), (&[0, 5][..], Status::Empty));
+    let models = optimize(&problem, 0, &huge, &terms).expect("a model");
+    assert_eq!((models.choice().support.as_slice(), models.choice().status), (&[0, 5][..], Status::Empty));
     let wrong = Terms { allowed: Some(vec![false; 8]), fixed: vec![2], ..Terms::all() };
     assert_eq!(optimize(&problem, 0, &huge, &wrong), Err(ThresholdError::FixedNotAllowed { column: 2 }));
     let beyond = Terms { fixed: vec![9], ..Terms::all() };
@@ -216,8 +216,8 @@ fn sweeps_find_the_truth_by_folds_and_by_criteria() {
         for choice in [Choice::Auto, Choice::Criterion(Criterion::Bic), Choice::Criterion(Criterion::Ebic)] {
             let options = SweepOptions { choice, ..SweepOptions::default() };
             let run = || sweep(&problem, &folds, &terms, &optimizer, &options, &Silent).expect("models");
-            let found = run();
-            for (target, sweep) in found.iter().enumerate() {
+            let result = run();
+            for (target, sweep) in result.iter().enumerate() {
                 let truth = [1, 3, 4].map(|j| j + target);
                 let support = &sweep.choice().support;
                 // A criterion lets a column of noise in now and then; what is true is always in.
@@ -240,8 +240,8 @@ fn sweeps_find_the_truth_by_folds_and_by_criteria() {
                     assert!(sweep.front.contains(&k) || beaten);
                 }
             }
-            assert_eq!(found, with_threads(3, run));
-            assert_eq!(found, with_threads(1, run));
+            assert_eq!(result, with_threads(3, run));
+            assert_eq!(result, with_threads(1, run));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -255,13 +255,13 @@ fn held_out_errors_are_those_of_the_rows() {
     let thresholds = Thresholds::List(vec![0.05, 0.5, 0.2]);
     let optimizer = Optimizer::Stlsq(Stlsq::default());
     let options = SweepOptions { thresholds, choice: Choice::LeastError, ..SweepOptions::default() };
-    let found = sweep(&problem, &folds, &[Terms::all()], &optimizer, &options, &Silent).expect("models");
-    let scores = found[0].folds.as_ref().expect("folds");
+    let swept_models = sweep(&problem, &folds, &[Terms::all()], &optimizer, &options, &Silent).expect("models");
+    let scores = swept_models[0].folds.as_ref().expect("folds");
     for (k, threshold) in [0.5, 0.2, 0.05].into_iter().enumerate() {
-        assert_eq!(found[0].trail.steps[k].parameter, threshold);
+        assert_eq!(swept_models[0].trail.steps[k].parameter, threshold);
         for fold in 0..3 {
             // The terms of all rows, refitted on the training rows: whatever the threshold would keep of these.
-            let support = &found[0].trail.steps[k].support;
+            let support = &swept_models[0].trail.steps[k].support;
             let terms = Terms { allowed: Some((0..7).map(|j| support.contains(&j)).collect()), ..Terms::all() };
             let model = optimize(&folds[fold].train, 0, &Optimizer::LeastSquares, &terms).expect("a model");
             let b = &model.choice().coefficients;
@@ -288,8 +288,8 @@ fn ensembles_are_the_summary_of_their_models() {
     let optimizer = Optimizer::Stlsq(Stlsq { threshold: 0.3, ..Stlsq::default() });
     let terms = vec![Terms::all(), Terms { fixed: vec![0], ..Terms::all() }];
     let options = EnsembleOptions { probability: 0.6, ..EnsembleOptions::default() };
-    let found = ensemble(&problem, &replicates, &terms, &optimizer, &options, &Silent).expect("an ensemble");
-    for (target, found) in found.iter().enumerate() {
+    let summaries = ensemble(&problem, &replicates, &terms, &optimizer, &options, &Silent).expect("an ensemble");
+    for (target, summary) in summaries.iter().enumerate() {
         let models: Vec<Vec<f64>> = replicates
             .iter()
             .map(|rows| {
@@ -299,24 +299,24 @@ fn ensembles_are_the_summary_of_their_models() {
         for j in 0..8 {
             let mut values: Vec<f64> = models.iter().map(|model| model[j]).collect();
             let share = values.iter().filter(|value| **value != 0.0).count() as f64 / 12.0;
-            assert_eq!((found.inclusion[j], found.offered[j]), (share, 12));
-            assert!((found.mean[j] - values.iter().sum::<f64>() / 12.0).abs() < 1e-14);
+            assert_eq!((summary.inclusion[j], summary.offered[j]), (share, 12));
+            assert!((summary.mean[j] - values.iter().sum::<f64>() / 12.0).abs() < 1e-14);
             values.sort_by(f64::total_cmp);
-            assert_eq!(found.median[j], 0.5 * (values[5] + values[6]));
+            assert_eq!(summary.median[j], 0.5 * (values[5] + values[6]));
             let fixed = terms[target].fixed.contains(&j);
-            assert_eq!(found.model.support.contains(&j), share >= 0.6 || fixed);
+            assert_eq!(summary.model.support.contains(&j), share >= 0.6 || fixed);
         }
-        assert!(found.model.certificate.correlation < 1e-13);
+        assert!(summary.model.certificate.correlation < 1e-13);
     }
     // Over candidates too: every model is offered all but two of them, the same ones from the same seed.
     let options = EnsembleOptions { leave_out: 2, draws: 20, seed: 5, ..EnsembleOptions::default() };
     let run = |options: &EnsembleOptions| ensemble(&problem, &[], &terms, &optimizer, options, &Silent);
-    let found = run(&options).expect("an ensemble");
-    assert_eq!(found[0].offered.iter().sum::<usize>(), 20 * 6);
-    assert_eq!((found[1].offered[0], found[1].offered.iter().sum::<usize>()), (20, 20 * 6));
-    assert_eq!(found, with_threads(1, || run(&options)).expect("an ensemble"));
+    let summaries = run(&options).expect("an ensemble");
+    assert_eq!(summaries[0].offered.iter().sum::<usize>(), 20 * 6);
+    assert_eq!((summaries[1].offered[0], summaries[1].offered.iter().sum::<usize>()), (20, 20 * 6));
+    assert_eq!(summaries, with_threads(1, || run(&options)).expect("an ensemble"));
     let other = run(&EnsembleOptions { seed: 6, ..options.clone() }).expect("an ensemble");
-    assert_ne!(found[0].offered, other[0].offered);
+    assert_ne!(summaries[0].offered, other[0].offered);
     let all = run(&EnsembleOptions { leave_out: 8, ..options });
     assert_eq!(all, Err(ThresholdError::Dropped { dropped: 8, candidates: 8 }));
 }
@@ -328,9 +328,9 @@ fn models_without_error_have_no_terms_of_rounding() {
     let folds = folds(&data, 1, 4);
     for optimizer in every_optimizer().into_iter().skip(1) {
         let options = SweepOptions::default();
-        let found = sweep(&problem, &folds, &[Terms::all()], &optimizer, &options, &Silent).expect("models");
-        assert_eq!(found[0].choice().support, [1, 3, 4], "{optimizer:?}");
-        assert_eq!(found[0].criteria.best(Criterion::Bic), found[0].chosen, "{optimizer:?}");
+        let models = sweep(&problem, &folds, &[Terms::all()], &optimizer, &options, &Silent).expect("models");
+        assert_eq!(models[0].choice().support, [1, 3, 4], "{optimizer:?}");
+        assert_eq!(models[0].criteria.best(Criterion::Bic), models[0].chosen, "{optimizer:?}");
     }
 }
 

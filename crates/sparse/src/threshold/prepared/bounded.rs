@@ -60,8 +60,8 @@ impl<'a> Search<'a> {
             let constants: Vec<f64> =
                 self.values.iter().zip(&self.held).map(|(value, held)| if *held { *value } else { 0.0 }).collect();
             let system = self.triangle.less(&constants).select(&free, 0);
-            let own: Vec<usize> = free.iter().map(|&place| self.columns[place]).collect();
-            let wanted = self.prepared.solve_free(&system, &own).values;
+            let columns: Vec<usize> = free.iter().map(|&place| self.columns[place]).collect();
+            let wanted = self.prepared.solve_free(&system, &columns).values;
             let mut first: Option<(f64, usize)> = None;
             for (&place, &to) in free.iter().zip(&wanted) {
                 let bound = self.prepared.clamped(self.columns[place], to);
