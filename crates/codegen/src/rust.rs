@@ -77,7 +77,7 @@ impl Rust {
         for function in &assembled.code.functions {
             self.function(function, &mut out);
         }
-        out += "/// Whether a code is that of a failure.\npub fn failed(code: i32) -> bool {\n    code <= NOT_FINITE\n}\n\n";
+        out += "/// True if a code is that of a failure.\npub fn failed(code: i32) -> bool {\n    code <= NOT_FINITE\n}\n\n";
         if assembled.kept() > 0 {
             self.variable(assembled, &mut out);
         }

@@ -1,4 +1,4 @@
-//! What doing nothing errs by, beside which the candidates of a fit stand: the mean of each target, and the row before.
+//! Errors of the baselines of a fit: the mean of each target, and persistence (the previous row).
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Baseline, Error as DynamicsError, ScoreOptions, TargetScore, score};
@@ -12,7 +12,7 @@ const ROWS: usize = 100_000;
 /// Rows of a block.
 const BLOCK: usize = 4_096;
 
-/// What the mean of a target and the row before (persistence) err by, one step ahead. Neither has anything that rows could flatter.
+/// One-step errors of the mean of a target and of persistence (the previous row). Neither is fitted, so both are free of in-sample bias.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TargetBaselines {

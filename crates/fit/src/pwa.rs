@@ -321,7 +321,7 @@ impl Method for Pwa {
 }
 
 impl Pwa {
-    /// How these rows are fitted.
+    /// Options of the fit, adapted to these rows.
     pub(crate) fn of(&self, data: Data<'_, Task>) -> Options {
         let mut options = self.options.of_step(data.step);
         options.keep_all = self.rivals;

@@ -141,7 +141,7 @@ pub(crate) struct HeldOut<'a> {
     rule: RolloutRule,
     /// The option that asks for it.
     option: String,
-    /// What makes the rollouts shorter.
+    /// Remedy for rollouts that are too long.
     mend: String,
 }
 

@@ -12,7 +12,7 @@ use crate::{
     rollout_choice::{HeldOut, RolloutRule},
 };
 
-/// How models are simulated on rows that did not train them. Simulations begin at the same rows for all models of the same recording.
+/// Simulations of models on held-out rows. They begin at the same rows for all models of the same recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Simulations {
     /// Folds, steps, and the most simulations of a fold.

@@ -23,12 +23,12 @@ pub struct FitSummary {
     /// The fit to simulations, on request.
     #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
-    /// What the mean and the row before err by, of every fitted equation; none where rows are not at hand.
+    /// Errors of the baselines (mean and persistence) of every fitted equation; empty without rows.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub baselines: Vec<TargetBaselines>,
     /// Errors on the last rows, of the model of the rows before them, where that was tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub by_time: Option<ByTime>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }

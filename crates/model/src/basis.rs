@@ -29,7 +29,7 @@ pub enum Basis {
 }
 
 impl Basis {
-    /// What its functions are called in files: `radial`.
+    /// Name of the functions in files: `radial`.
     pub fn kind(&self) -> &'static str {
         match self {
             Basis::Gaussian(_) => "radial",
@@ -37,7 +37,7 @@ impl Basis {
         }
     }
 
-    /// Whether its functions have no meaning one by one: text for people has their weighted sum as one term.
+    /// True if single functions have no meaning: text for people has their weighted sum as one term.
     pub fn is_summed_up(&self) -> bool {
         match self {
             Basis::Gaussian(_) => false,
@@ -45,7 +45,7 @@ impl Basis {
         }
     }
 
-    /// Whether its parts fit together, and to a library of so many functions.
+    /// Checks that the parts fit together, and to a library of so many functions.
     ///
     /// # Errors
     /// The contradiction, in words.

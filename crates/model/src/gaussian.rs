@@ -95,7 +95,7 @@ impl Gaussian {
         ]
     }
 
-    /// Whether its parts fit together, and to a library of so many functions.
+    /// Checks that the parts fit together, and to a library of so many functions.
     ///
     /// # Errors
     /// The contradiction, in words.

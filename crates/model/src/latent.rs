@@ -21,7 +21,7 @@ pub struct Latent {
 }
 
 impl Latent {
-    /// Whether its value depends on a function of the library.
+    /// True if the value depends on a function of the library.
     pub fn reads(&self, function: usize) -> bool {
         self.map.reads(function) || self.beyond.get(function).is_some_and(|slope| *slope != 0.0)
     }

@@ -168,7 +168,7 @@ impl Model {
         self.equations.iter().filter(|equation| equation.target.is_some())
     }
 
-    /// How the maps of a partition go on outside of the training ranges of a region, for people, where it is not by themselves.
+    /// Extrapolation of the maps of a partition beyond the training ranges of a region, in words; `None` for plain affine extrapolation.
     pub fn outside_in_words(&self, partition: usize) -> Option<&'static str> {
         let latent = self.latents.iter().find(|latent| latent.partition == partition && !latent.beyond.is_empty())?;
         Some(match latent.beyond.iter().all(|slope| *slope == 0.0) {
@@ -177,7 +177,7 @@ impl Model {
         })
     }
 
-    /// Whether any equation advances time by one sample instead of integrating a derivative.
+    /// True if any equation advances time by one sample instead of integrating a derivative.
     pub fn is_discrete(&self) -> bool {
         self.equations.iter().any(|e| matches!(e.prediction, Prediction::Next | Prediction::Difference))
     }

@@ -4,7 +4,7 @@ use fleetfoot_library::Expr;
 
 use crate::map_array::MapArray;
 
-/// What a unit of a network does with its sum.
+/// Activation: the function of a unit of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Activation {
     /// `tanh(z)`.
@@ -85,7 +85,7 @@ pub struct Network {
     pub centre: Vec<f64>,
     /// Scale of each input.
     pub scale: Vec<f64>,
-    /// What all units do with their sums.
+    /// Activation of all units.
     pub activation: Activation,
     /// Hidden layers, the first next to the inputs.
     pub layers: Vec<DenseLayer>,
@@ -220,7 +220,7 @@ impl Network {
         arrays
     }
 
-    /// Whether its parts fit together, and to a library of so many functions.
+    /// Checks that the parts fit together, and to a library of so many functions.
     ///
     /// # Errors
     /// The contradiction, in words.

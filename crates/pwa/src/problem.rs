@@ -106,7 +106,7 @@ impl Options {
     }
 }
 
-/// How a model of several regions goes on where a regressor leaves the range that its region saw in training.
+/// Extrapolation of a model of several regions beyond the training range of a region.
 ///
 /// Maps that meet at borders, and maps that are bounded, are followed everywhere: what they promise holds of the maps themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -120,7 +120,7 @@ pub enum Outside {
     Extrapolate,
 }
 
-/// How one of several partitions is chosen.
+/// Rule that chooses one of several partitions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Selection {
     /// The smallest whose cross-validated error is within one standard error of the best.

@@ -30,14 +30,14 @@ pub struct PwaOptions {
     pub(crate) phase: bool,
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
-    /// Whether the recipe names no partitions, and those that rows bear are tried.
+    /// True if the recipe names no partitions, so that those with enough rows are tried.
     pub(super) tried: bool,
 }
 
 /// Most folds.
 const FOLDS: u16 = 100;
 
-/// What is tried where nothing is said of partitions and rows are many: in one pass more than one region takes, each of the four with its error on rows that did not train.
+/// Default partitions for many rows: one more pass than one region takes, and a held-out error for each of the four.
 pub(crate) const TRIED: &str = "average,kmeans:2,5,10";
 
 /// Regions that fit the dynamics, which are tried beside [`TRIED`] where there are no more rows than [`FEW`]: to refine so few takes no time.
