@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn comments_cannot_be_left() {
+    fn text_cannot_end_a_comment() {
         assert_eq!(comment("a*/ b\n#define x \\\u{202e}"), "a* / b #define x / ");
         assert_eq!(ascii_literal("m/s² \"x\"\\"), "\"m/s? \\\"x\\\"\\\\\"");
     }

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told() {
+    fn wrong_keys_are_refused() {
         for (key, word) in [
             ("aircraft", "NAME=TEXT"),
             ("=x", "NAME=TEXT"),

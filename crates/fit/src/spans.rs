@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn halos_end_at_the_span_and_rows_are_every_nth() {
+    fn halos_end_at_the_span_and_every_nth_row_is_read() {
         let inner = source();
         let spans = Spans::new(&inner, vec![(0, 20..75), (1, 3..3), (1, 0..7)], 10).unwrap();
         let rows: Vec<usize> = spans.episodes().iter().map(|episode| episode.rows).collect();

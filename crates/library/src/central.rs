@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn truncation_and_noise_are_told_apart() {
+    fn truncation_and_noise_are_separated() {
         for (jitter, spacing) in [(0.0, Spacing::Even), (0.02, Spacing::Stamps)] {
             let stamps = stamps(jitter);
             for reach in REACHES {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_are_recognised_whoever_wrote_them() {
+    fn differences_are_recognised_in_any_form() {
         let y = Expr::column("y").sin() * Expr::number(2.0) + Expr::column("x");
         for of in [Expr::column("x"), y] {
             for reach in REACHES {

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn shifts_are_told_and_constants_have_none() {
+    fn shifts_are_recognised_and_constants_have_none() {
         assert_eq!(parse("lag(x, 2) + lag(u, 1)").lag_behind(&parse("x + lead(u, 1)")), Some(2));
         assert_eq!(parse("lag(x, 2) + u").lag_behind(&parse("x + u")), None);
         assert_eq!(parse("3").lag_behind(&parse("3")), None);

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rules_that_differ_have_other_bytes() {
+    fn different_rules_have_different_bytes() {
         let linear = |weights: Vec<Vec<f64>>, offsets| Rule::Linear { weights, offsets };
         let labels =
             |unseen| Rule::Labels { values: vec![1.0], names: vec!["grass".into()], rules: vec![Rule::Whole], unseen };

@@ -176,7 +176,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_contradicts_itself_is_refused() {
+    fn inconsistent_phases_are_refused() {
         for (problem, broken) in [
             (
                 "not those of 3 bins",

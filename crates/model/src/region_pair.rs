@@ -34,7 +34,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn holms_own_steps() {
+    fn holm_corrects_the_example_of_his_paper() {
         // 0.01 of four, then 0.03 of two (0.04 of one would be less), 0.005 first: 4 x 0.005, 3 x 0.01, 2 x 0.03, and no less than that.
         let adjusted = holm(&[0.01, 0.04, 0.03, f64::NAN, 0.005]);
         assert_eq!(adjusted[..3], [0.03, 0.06, 0.06]);

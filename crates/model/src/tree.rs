@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_tree_is_refused() {
+    fn invalid_trees_are_refused() {
         assert_eq!(tree().check(2), Ok(()));
         assert!(tree().check(1).is_err());
         let broken = |change: &dyn Fn(&mut Tree)| {

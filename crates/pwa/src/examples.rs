@@ -232,7 +232,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn chunks_do_not_show_in_the_sums() {
+    fn sums_do_not_depend_on_chunks() {
         let rows = waves(3 * CHUNK + 17);
         let examples = rows_of(&rows);
         assert_eq!((examples.chunks.len(), examples.rows), (4, rows.len()));

@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_period_is_told_by_the_values_or_said() {
+    fn the_period_follows_from_the_values_or_is_given() {
         let period = |values: &[f64]| match scale(values, None).unwrap() {
             Scale::Cyclic { period, .. } => period,
             Scale::Labels { .. } => f64::NAN,

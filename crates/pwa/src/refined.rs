@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refined_does_not_depend_on_what_else_is() {
+    fn refined_regions_do_not_depend_on_other_partitions() {
         let rows = crate::examples::tests::waves(500);
         let column = |j: usize| rows.iter().map(|row| row[j]).collect::<Vec<f64>>();
         let (columns, all) = ([0, 1, 0, 1, 2].map(column), (0..rows.len()).collect::<Vec<usize>>());

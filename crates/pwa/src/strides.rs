@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_phase_that_trembles_begins_one_stride() {
+    fn noise_of_the_phase_begins_no_additional_stride() {
         let phases = [0.8, 0.95, 0.02, 0.97, 0.99, 0.03, 0.98, 0.04, 0.5, 0.9, 0.1];
         let phases = walked(&steps(&[0, 0, 1, 2, 2, 2, 2, 2, 0, 0, 0], &phases)).phases(&phase(), &SCALE);
         assert_eq!(phases.strides, [[0, 0, 0], [1, 0, 0], [0, 0, 0]], "from row 2 to row 10");

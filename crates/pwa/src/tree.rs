@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn cuts_of_the_truth_are_found_and_no_others_pay() {
+    fn cuts_of_the_truth_are_recovered_and_others_do_not_pay() {
         for depth in [2, 4, 6] {
             let cuts = cuts(&grown(4000, 0.1, three).rule(depth, &Silent).unwrap());
             assert_eq!(cuts.len(), 2, "depth {depth}: {cuts:?}");

@@ -133,7 +133,7 @@ mod tests {
     use super::{Cell, Table};
 
     #[test]
-    fn no_spreadsheet_takes_words_for_a_formula() {
+    fn text_cells_cannot_start_a_formula() {
         let table = Table::new("", ["=1+1", "@a", "x"]);
         let table = table.row([Cell::Text("\t=2".into()), Cell::Text("+3, 4".into()), Cell::Number("+1.5".into())]);
         let table = table.row([Cell::Text("a=b".into()), Cell::Text("-".into()), Cell::of(-1.0)]);

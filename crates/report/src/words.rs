@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn things_stand_in_a_row() {
+    fn lists_are_joined_with_commas_and_and() {
         let names = ["a", "b", "c"].map(str::to_owned);
         assert_eq!(series(&names[..1], 3), "a");
         assert_eq!(series(&names[..2], 3), "a and b");

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_depends_on_other_columns_is_left_to_the_sweeps() {
+    fn dependent_columns_are_left_to_the_sweeps() {
         let mut small = problem(70, 0.0, Sign::Free);
         // The last column is the first.
         for j in 0..69 {

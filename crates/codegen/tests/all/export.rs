@@ -295,7 +295,7 @@ fn large_models_are_tables() {
 }
 
 #[test]
-fn what_cannot_be_code_says_why() {
+fn models_that_cannot_be_exported_are_refused_with_a_reason() {
     let refused = |model: &Model, options: &ExportOptions| {
         export(model, options, &[]).expect_err("it cannot be exported").to_string()
     };

@@ -166,7 +166,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn the_front_has_what_nothing_beats(models in proptest::collection::vec((1usize..8, 0u8..9), 1..30)) {
+        fn the_front_has_the_undominated_models(models in proptest::collection::vec((1usize..8, 0u8..9), 1..30)) {
             // An error of 8 stands for one that diverged.
             let error = |label: u8| if label == 8 { f64::INFINITY } else { f64::from(label) };
             let mut tried: Vec<NarxCandidate> = models.iter().map(|&(size, label)| with(size, error(label))).collect();

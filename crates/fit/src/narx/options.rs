@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_given_is_not_looked_for() {
+    fn given_orders_are_not_searched() {
         let order = |text: &str| options(&format!("{text}\n[inputs]\nu = \"u\"\n")).unwrap().order;
         let given = GivenOrder { outputs: Some(3), degree: Some(1), ..GivenOrder::default() };
         assert_eq!(order("[narx]\nlags_out = 3\n[model]\ndegree = 1"), OrderRule::Look(given));
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_allowed_is_said_with_what_is() {
+    fn refused_options_are_named_with_the_alternatives() {
         for (text, parts) in [
             ("[narx]\nlags_out = 0", &["nothing is left", "lag"][..]),
             ("[narx]\nlags_out = 2\n[model]\nlags = 3", &["lags_out and --lags 3", "remove one"]),

@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_out_has_no_part_in_the_regions_that_it_is_tested_in() {
+    fn held_out_rows_do_not_shape_their_regions() {
         let columns = recording(900);
         let before = with_threads(1, || regions(columns.clone()));
         assert_eq!(before, with_threads(3, || regions(columns.clone())), "the same on any number of threads");

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_maps_do_not_keep_is_said() {
+    fn constraints_are_refused_and_unused_keys_reported() {
         let refused =
             options("[constraints]\ndamping = { coefficients = { v = [\"v\"] }, at_most = 0.0 }\n").unwrap_err();
         assert!(refused.contains("[constraints] damping") && refused.contains("--stable"), "{refused}");
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn rollouts_are_had_by_choice_and_by_an_open_span() {
+    fn rollouts_run_if_chosen_or_if_the_span_is_open() {
         let of = |text: &str| options(text).unwrap().rollouts.map(|rule| rule.horizon);
         assert_eq!(of("[pwa]\nselect = \"rollout\""), Some(USUAL_HORIZON));
         assert_eq!(of("[pwa]\nhorizon = 20\n[states]\nv = { derivative = { over = \"auto\" } }"), Some(20));
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_allowed_is_said_with_what_is() {
+    fn refused_options_are_named_with_the_alternatives() {
         for (text, parts) in [
             ("[pwa]\nfolds = 101", ["folds = 101", "0..=100"]),
             ("[pwa]\nselect = \"best\"", ["select = \"best\"", "`rollout`"]),

@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_allowed_is_said_with_what_is() {
+    fn refused_options_are_named_with_the_alternatives() {
         for (text, parts) in [
             ("optimizer = \"lars\"", ["lars", "`frols`"]),
             ("threshold = -1.0", ["threshold = -1", "zero or more"]),

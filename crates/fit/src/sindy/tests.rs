@@ -90,7 +90,7 @@ fn parameters_become_numbers_and_filters_columns() {
 }
 
 #[test]
-fn errors_say_where_and_what_helps() {
+fn errors_name_the_place_and_the_remedy_in_recipes() {
     for (text, parts) in [
         ("[states]\nx = { library = [\"poly(2)\", \"sin(q)\"] }\n", ["[states] x library", "sin(q)", "q"]),
         ("[states]\nx = { library = [] }\n", ["[states] x", "no candidate", "poly(2)"]),

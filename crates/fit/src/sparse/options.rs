@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_meaning_is_said() {
+    fn options_without_effect_are_reported() {
         let notes = |text: &str| {
             let section: SparseSection = toml::from_str(text).unwrap();
             unused(&section, &SparseOptions::new(&section).unwrap())
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_allowed_is_said_with_what_is() {
+    fn refused_options_are_named_with_the_alternatives() {
         for (text, parts) in [
             ("lambda = \"big\"", ["lambda = big", "auto"]),
             ("lambda = \"-1\"", ["lambda = -1", "zero or more"]),

@@ -17,7 +17,7 @@ fn printed(names: &[&str], items: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn libraries_are_what_their_names_say() {
+fn libraries_have_the_functions_of_their_names() {
     let xy = ["x", "y"];
     for (items, wanted) in [
         (&["poly(2)"][..], "1, x, y, x^2, x*y, y^2"),
@@ -90,7 +90,7 @@ fn equal_functions_stand_once() {
 }
 
 #[test]
-fn errors_name_the_place_and_the_mend() {
+fn errors_name_the_place_and_the_remedy() {
     for (item, position, part) in [
         ("ploy(3)", 0, "did you mean `poly`"),
         ("poly(3) + fourir(2)", 10, "`fourier`"),

@@ -139,7 +139,7 @@ fn lags_reach_the_leaves() {
 }
 
 #[test]
-fn errors_name_the_place_and_the_mend() {
+fn errors_name_the_place_and_the_remedy() {
     for (text, position, parts) in [
         ("vx*cso(yaw)", 3, &["unknown function `cso`", "`cos`", "character 4"][..]),
         ("vx*cos(yaq)", 7, &["unknown column or alias `yaq`", "`yaw`"]),

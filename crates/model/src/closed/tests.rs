@@ -108,7 +108,7 @@ fn fields_that_no_column_stands_for_are_added() {
 }
 
 #[test]
-fn what_is_needed_before_it_is_known_is_refused() {
+fn expressions_that_need_future_values_are_refused() {
     let texts = [
         "s y = /y",
         "i u = /u",

@@ -175,7 +175,7 @@ fn a_model_that_contradicts_itself_is_refused() {
 }
 
 #[test]
-fn what_was_not_found_is_not_written() {
+fn absent_phases_and_pairs_are_not_written() {
     let mut model = model(&[0.5; 12]);
     (model.partitions[0].phases, model.partitions[0].pairs) = (None, Vec::new());
     let text = model.to_json();

@@ -7,7 +7,7 @@ use crate::{counted, models};
 /// Tables from sample to sample, along the phase and from stride to stride; then the pairs, those with the same map
 /// first.
 #[test]
-fn people_read_them() {
+fn tables_of_transitions_print_as_text() {
     let mut model = counted::model(1_000);
     let pair = |a, b, p| RegionPair { regions: [a, b], statistic: 12.5, freedom: 3, p };
     // 0 and 4 are neighbours in one direction, 2 and 4 in none.

@@ -311,7 +311,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn rounds_find_what_all_distances_say(
+        fn rounds_give_the_result_of_all_distances(
             n in 1usize..5000, d in 1usize..18, clusters in 1usize..12, spread in prop::sample::select(vec![0.01, 1.0, 30.0]), seed in any::<u64>(),
         ) {
             // Groups of rows, some of them the same row many times.

@@ -310,7 +310,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(16))]
         #[test]
-        fn blocks_do_not_show(n in 1usize..10_000, cuts in prop::collection::vec(0usize..10_000, 0..5)) {
+        fn results_do_not_depend_on_blocks(n in 1usize..10_000, cuts in prop::collection::vec(0usize..10_000, 0..5)) {
             let x: Vec<f64> = (0..n).map(|i| (i as f64 * 0.37).sin() * 5.0 + 100.0).collect();
             let y: Vec<f64> = (0..n).map(|i| (i as f64 * 0.11).cos()).collect();
             let (centre, scale) = ([99.0, 0.0], [3.0, 0.5]);
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_input_is_refused_and_leaves_no_trace() {
+    fn bad_input_is_refused_and_changes_no_state() {
         let mut points = Points::new(2);
         points.append(&[&[1.0, 2.0], &[3.0, 4.0]], &[0.0; 2], &[1.0; 2]).unwrap();
         let error = points.append(&[&[1.0, 2.0], &[3.0, f64::NAN]], &[0.0; 2], &[1.0; 2]).unwrap_err();

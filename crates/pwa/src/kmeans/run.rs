@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn clusters_without_rows_stay_and_the_history_is_told() {
+    fn empty_clusters_keep_their_centroid_and_the_history_is_reported() {
         let rows = [[0.0, 0.0], [1.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
         let points = points(&rows);
         let options = KMeansOptions { k: 5, ..KMeansOptions::default() };

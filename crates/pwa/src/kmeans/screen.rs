@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_is_true_and_little_is_left_open() {
+    fn screened_labels_are_right_and_few_rows_stay_open() {
         for (d, k, offset) in [(1, 1, 0.0), (3, 7, 0.0), (16, 50, 0.0), (19, 13, 3.0), (40, 6, 1.0), (5, 9, 1e4)] {
             let value = |i: usize| offset + 4.0 * uniform(3, d as u64, i as u64) - 2.0;
             let rows: Vec<f64> = (0..1000 * d).map(value).collect();

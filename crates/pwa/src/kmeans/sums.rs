@@ -178,7 +178,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_order_does_not_show(rows in prop::collection::vec(prop::array::uniform3(-1e6..1e6f64), 1..200), split in 0usize..200) {
+        fn sums_do_not_depend_on_the_order(rows in prop::collection::vec(prop::array::uniform3(-1e6..1e6f64), 1..200), split in 0usize..200) {
             let largest = rows.iter().flatten().fold(0.0f64, |a, x| a.max(x.abs()));
             let quanta = Quanta::new(rows.len(), largest);
             let mut forward = Sums::new(1, 3, quanta);

@@ -131,7 +131,7 @@ fn many_rows_and_clusters_are_those_of_plain_lloyd() {
 }
 
 #[test]
-fn threads_do_not_show() {
+fn centroids_do_not_depend_on_threads() {
     let rows = rows(5, 30_000, 6, 11);
     let points = points(&rows);
     let options = KMeansOptions { k: 12, max_iterations: 20, tolerance: 0.0 };
@@ -241,7 +241,7 @@ fn bad_requests_are_refused() {
 }
 
 #[test]
-fn small_problems_end_where_scikit_learn_ends() {
+fn small_problems_converge_to_the_result_of_scikit_learn() {
     let text = include_str!("../../tests/data/kmeans_sklearn.txt");
     let mut lines = text.lines().skip(1);
     let mut cases = 0;

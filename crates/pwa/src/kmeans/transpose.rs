@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_value_finds_its_place() {
+    fn every_value_is_stored_at_its_index() {
         for d in [1, 3, 8, 15, 16, 17, 40] {
             let rows: Vec<f32> = (0..200 * d).map(|i| i as f32 + 0.25).collect();
             for count in [1, 15, 16, 17, 63, 64] {

@@ -436,7 +436,7 @@ mod tests {
         /// The sums of passing rows equal the costs of all rows by their winners. A row that a border passes within
         /// rounding may count on either side.
         #[test]
-        fn the_fall_is_that_of_the_costs(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..200) {
+        fn predicted_fall_equals_the_fall_of_the_costs(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..200) {
             let examples = rows_of(&waves(rows));
             let state = State::of(&examples, separators(table));
             let near = state.near(&examples);
@@ -461,7 +461,7 @@ mod tests {
 
     /// Row 0 lies at x = 0: a direction along x alone never moves it past a border.
     #[test]
-    fn a_row_that_no_step_moves_does_not_pass() {
+    fn a_row_that_no_step_moves_gives_finite_separators() {
         let examples = rows_of(&waves(168));
         let table = [2.7579634409923792, -2.103920767363529, 0.0, -2.6265179614664587, 0.6167634672702993];
         let rest = [-1.8092079364231335, -0.32889448789607145, -1.7533015107123253, 0.0];
@@ -471,7 +471,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_is_found_between_two_rows() {
+    fn the_border_lies_between_the_rows_of_a_jump() {
         // y jumps at x = 0.3; no two rows have the same x.
         let row = |at: usize| {
             let x = -1.0 + at as f64 / 250.0;

@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_regions_follows_their_centres_and_not_their_numbers() {
+    fn regions_are_ordered_by_their_centres() {
         let examples = rows_of(&waves(300));
         let separators = |centroids: [[f64; 2]; 3]| Separators::voronoi(&centroids.map(Vec::from), 2);
         let one = separators([[0.9, 0.1], [-1.0, 0.2], [0.1, -0.4]]).ordered(&examples);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn newtons_step_is_that_of_differences() {
+    fn newton_step_agrees_with_finite_differences() {
         let examples = rows_of(&waves(300));
         let labels: Vec<Vec<u32>> =
             examples.map(|_, chunk| (0..chunk.rows).map(|row| u32::from(chunk.column(0)[row] > 0.1)).collect());

@@ -321,7 +321,7 @@ mod tests {
 
     /// The derivative of the price by the metric is that of finite differences, with ports and without.
     #[test]
-    fn dual_points_tell_how_the_price_turns_with_the_metric() {
+    fn dual_points_give_the_gradient_of_the_price() {
         let port = |input: &str, output: &str, shortage| Port { shortage: Some(shortage), ..Port::new(input, output) };
         for ports in [Vec::new(), vec![port("f", "v", 0.3)], vec![port("f", "v", 0.3), port("g", "x", 0.5)]] {
             let state_loop = Loop::new(&problem(), 0.97, &ports).unwrap();

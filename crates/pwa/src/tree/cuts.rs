@@ -214,7 +214,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
         #[test]
-        fn where_all_cuts_are_looked_at_the_best_of_all_is_found(
+        fn an_exhaustive_search_takes_the_best_cut(
             rows in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64), 16..30)
         ) {
             let rows: Vec<[f64; 3]> = rows.into_iter().map(|(a, b, c)| [a, b, c]).collect();
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_is_found_between_two_rows_of_thousands() {
+    fn the_cut_lies_between_the_rows_of_a_jump_among_thousands() {
         let row = |i: usize| {
             let x = ((i * 7919) % 5000) as f64 / 2500.0 - 1.0;
             let other = ((i * 104_729) % 5003) as f64 / 2501.5 - 1.0;

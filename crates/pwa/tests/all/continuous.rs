@@ -70,7 +70,7 @@ fn largest_jump(model: &Model, rows: &[Row]) -> f64 {
 }
 
 #[test]
-fn a_line_of_pieces_is_found_exactly_and_costs_nothing() {
+fn a_continuous_piecewise_line_is_recovered_exactly() {
     // Two kinks where the tree may cut, and another regressor.
     let f = |x: &[f64]| x[0].clamp(-0.5, 0.5) * 3.0 - 0.7 * x[1] + 2.0;
     let rows = sampled(2, 900, 0.0, 1, f);
@@ -147,7 +147,7 @@ fn constrained(model: &Model, borders: &[(usize, usize)], rows: &[Row]) -> Vec<V
 }
 
 #[test]
-fn it_is_the_least_of_all_maps_that_meet() {
+fn the_fit_has_the_least_error_of_all_continuous_maps() {
     for (seed, d, regions, on) in [(1, 1, 3, 1), (2, 2, 4, 1), (3, 3, 3, 3), (4, 2, 5, 2)] {
         let rows = sampled(d, 400, 0.2, seed, |x| (3.0 * x[0]).sin() + x[x.len() - 1]);
         let mut problem = problem(d);
@@ -241,7 +241,7 @@ fn shrinkage_and_choice_hold_for_maps_that_meet() {
 }
 
 #[test]
-fn what_cannot_meet_is_refused() {
+fn partitions_without_linear_borders_are_refused() {
     let rows = sampled(2, 200, 0.1, 9, |x| x[0]);
     let refused = |problem: &Problem, partitions: &str| {
         identify(problem, &continuous(partitions, 3), &source(&rows, 1), &Silent).unwrap_err().to_string()

@@ -308,7 +308,7 @@ fn a_constant_column_and_a_copy_are_named() {
 
 /// A note names a model that explains nothing on held-out rows; the null model, which promises nothing, gets none.
 #[test]
-fn a_model_that_predicts_no_better_than_the_mean_is_told() {
+fn a_note_reports_a_model_no_better_than_the_mean() {
     let mut random = Pcg64::seed_from_u64(7);
     let mut noise = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
     for _ in 0..4 {
@@ -328,7 +328,7 @@ fn a_model_that_predicts_no_better_than_the_mean_is_told() {
 }
 
 #[test]
-fn what_cannot_be_fitted_says_why() {
+fn fits_that_are_not_possible_are_refused_with_a_reason() {
     let few = hybrid(3, 1, 0.0, 8);
     let message = identify(&problem(&["x", "u"]), &options("average"), &few, &Silent).unwrap_err().to_string();
     assert!(message.contains("too few"), "{message}");

@@ -65,7 +65,7 @@ fn one_map_that_holds_in_two_places_is_one_region() {
 }
 
 #[test]
-fn the_tree_tells_what_its_models_do() {
+fn levels_of_the_tree_report_the_errors_of_their_models() {
     let rows = sandwich(1500, 3);
     let mut wanted = options("average,lattice:2..8", 4);
     wanted.keep_all = true;
@@ -91,7 +91,7 @@ fn the_tree_tells_what_its_models_do() {
 }
 
 #[test]
-fn noise_has_no_regions_that_hold_out() {
+fn noise_gets_no_regions_by_held_out_error() {
     let mut random = Pcg64::seed_from_u64(3);
     let noise: Vec<Row> =
         (0..900).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
@@ -121,7 +121,7 @@ fn as_many_regions_as_cells_are_the_fits_of_the_cells() {
 }
 
 #[test]
-fn fewer_cells_than_regions_are_told() {
+fn a_note_reports_fewer_cells_than_regions() {
     let identification = run(&problem(2), &options("lattice:90", 0), &source(&sandwich(60, 4), 1));
     assert!(
         identification.notes.iter().any(|note| note.contains("lattice:90") && note.contains("cells")),

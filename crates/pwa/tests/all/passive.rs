@@ -107,7 +107,7 @@ fn slack_at(map: &Mat<f64>, P: &Mat<f64>, shortage: f64, rho: f64) -> f64 {
 }
 
 #[test]
-fn all_regions_dissipate_with_the_storage_that_is_told() {
+fn all_regions_dissipate_with_the_reported_storage() {
     let source = mass(2000, 3, 0.15);
     for (problem, partitions) in [(next_rows(), "average,kmeans:8"), (derivatives(), "average,kmeans:8")] {
         let mut asked = options(partitions, force());
@@ -196,7 +196,7 @@ fn the_flow_is_passive_too() {
 
 /// Steps of a passive system are passive with the shortage that sampling takes: nothing moves, nothing is paid.
 #[test]
-fn what_is_passive_pays_nothing() {
+fn passive_models_are_not_changed() {
     let source = mass(2000, 1, 0.0);
     // The regions that the spring has.
     let mut problem = next_rows();
@@ -253,7 +253,7 @@ fn models_are_kept_passive_where_they_are_nearest() {
 }
 
 #[test]
-fn threads_do_not_matter_and_ports_that_are_none_are_refused() {
+fn threads_do_not_matter_and_wrong_ports_are_refused() {
     let source = mass(1000, 7, 0.2);
     let asked = options("kmeans:5", force());
     let one = with_threads(1, || run(&next_rows(), &asked, &source));

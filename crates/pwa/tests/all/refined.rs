@@ -131,7 +131,7 @@ fn recovered(identification: &Identification, rows: &[Row], modes: &[usize]) -> 
 }
 
 #[test]
-fn modes_that_do_not_follow_density_are_found() {
+fn modes_that_do_not_follow_density_are_recovered() {
     for seed in 0..5 {
         let (rows, modes) = pwarx(1000, seed);
         let source = source(&rows, 1);
@@ -162,7 +162,7 @@ fn off(identification: &Identification, names: &[usize]) -> Vec<f64> {
 
 /// Of 58 rows a set may have a border that its rows do not determine: one row in fifty on the other side is as likely.
 #[test]
-fn modes_of_few_rows_are_found() {
+fn modes_of_few_rows_are_recovered() {
     let shares = (0..8).map(|seed| {
         let (rows, modes) = pwarx(58, seed);
         recovered(&run(&problem(2), &options("refined:3", 0), &source(&rows, 1)), &rows, &modes).0
@@ -201,7 +201,7 @@ fn the_number_of_modes_is_chosen_on_rows_that_did_not_train() {
 }
 
 #[test]
-fn noise_has_no_regions_that_hold_out() {
+fn noise_gets_no_regions_by_held_out_error() {
     let mut random = Pcg64::seed_from_u64(3);
     let rows: Vec<Row> =
         (0..600).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
@@ -249,7 +249,7 @@ fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
 }
 
 #[test]
-fn starved_regions_are_given_up() {
+fn regions_with_too_few_rows_are_removed() {
     let (rows, _) = pwarx(40, 1);
     let identification = run(&problem(2), &options("refined:30", 0), &source(&rows, 1));
     let partition = &identification.model.partitions[0];

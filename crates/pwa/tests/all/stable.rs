@@ -57,7 +57,7 @@ fn norm(M: &Mat<f64>, P: &Mat<f64>) -> f64 {
 }
 
 #[test]
-fn all_regions_contract_in_the_metric_that_is_told() {
+fn all_regions_contract_in_the_reported_metric() {
     let source = oscillator(2000, 1);
     let (free, bound) = (
         run(&problem(), &options("kmeans:30", None), &source),
@@ -181,7 +181,7 @@ fn given_equations_are_part_of_the_map_and_derivatives_are_steps() {
 }
 
 #[test]
-fn threads_do_not_matter_and_what_cannot_be_bound_is_refused() {
+fn threads_do_not_matter_and_unbounded_models_are_refused() {
     let source = oscillator(1000, 6);
     let options = options("average,kmeans:12", Some(0.97));
     let one = with_threads(1, || run(&problem(), &options, &source));

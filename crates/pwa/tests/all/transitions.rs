@@ -151,7 +151,7 @@ fn labels_are_a_phase_too_and_threads_do_not_matter() {
 }
 
 #[test]
-fn what_is_no_phase_is_refused() {
+fn columns_that_are_no_phase_are_refused() {
     let mut options = options("kmeans:2", Some(CYCLE));
     if let Some(phase) = &mut options.phase {
         phase.column = Expr::parse("20*phase", &Scope::new(["phase"])).unwrap();
@@ -170,7 +170,7 @@ fn pair(differs: f64, seed: u64) -> RegionPair {
 }
 
 #[test]
-fn regions_of_one_map_are_told_apart_as_often_as_chance_has_it() {
+fn tests_of_equal_maps_reject_at_their_level() {
     let mut p: Vec<f64> = (0..300).map(|seed| pair(0.0, seed).p).collect();
     p.sort_by(f64::total_cmp);
     let n = p.len() as f64;
@@ -201,7 +201,7 @@ fn slow(rows: usize, seed: u64) -> MemorySource {
 }
 
 #[test]
-fn correlated_rows_do_not_tell_regions_of_one_map_apart() {
+fn correlated_rows_do_not_separate_regions_of_one_map() {
     let shares_of_pairs = |seed: u64| {
         let fitted = run("x", &options("labels:mode", Some(CYCLE)), &slow(8_000, seed));
         // Of one map for both the residuals are those of one region, up to what chance fits.

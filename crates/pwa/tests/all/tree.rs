@@ -32,7 +32,7 @@ fn tree(rule: &Rule) -> &Tree {
 }
 
 #[test]
-fn cuts_and_depth_of_the_truth_are_found() {
+fn cuts_and_depth_of_the_truth_are_recovered() {
     let rows = boxes(3000, 0.1, 1);
     let identification = run(&problem(3), &options("average,kmeans:3,10,tree:1..5", 5), &source(&rows, 1));
     assert_eq!(
@@ -61,7 +61,7 @@ fn cuts_and_depth_of_the_truth_are_found() {
 }
 
 #[test]
-fn noise_has_no_cuts_that_hold_out() {
+fn noise_gets_no_cuts_by_held_out_error() {
     let mut random = Pcg64::seed_from_u64(3);
     let rows: Vec<Row> =
         (0..900).map(|_| (vec![normal(&mut random), normal(&mut random)], normal(&mut random))).collect();
@@ -71,7 +71,7 @@ fn noise_has_no_cuts_that_hold_out() {
 }
 
 #[test]
-fn the_trees_of_labels_are_their_own() {
+fn every_label_has_a_separate_tree() {
     let mut random = Pcg64::seed_from_u64(12);
     let mut row = |at: usize| {
         let x: [f64; 2] = [random.random_range(-1.0..1.0), random.random_range(-1.0..1.0)];

@@ -70,7 +70,7 @@ fn partitions_alone_do_not_ask_for_the_scale_of_weights() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2))]
     #[test]
-    fn the_scale_of_weights_says_nothing(exponent in -9.0..9.0) {
+    fn the_scale_of_weights_does_not_matter(exponent in -9.0..9.0) {
         let rows = source(&quadrants(400), 4);
         let scale = 10f64.powf(exponent);
         for options in ways() {

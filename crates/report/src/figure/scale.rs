@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn strange_values_have_an_axis_too() {
+    fn infinite_and_equal_values_have_an_axis() {
         for values in
             [&[][..], &[f64::NAN], &[3.0], &[0.0], &[-1e300, 1e300], &[f64::INFINITY, 1.0], &[1.0, 1.0 + 1e-15]]
         {

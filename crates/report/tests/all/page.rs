@@ -132,7 +132,7 @@ fn a_figure_has_a_caption_a_table_and_words() {
 }
 
 #[test]
-fn who_does_not_see_finds_the_way() {
+fn pages_can_be_read_by_screen_readers() {
     let html = page("speed", &[0.0, 1.0], &[0.25, 0.5]).to_html();
     let document = strict::read(&html);
     let headings: Vec<usize> =
@@ -201,7 +201,7 @@ fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 #[test]
-fn colours_are_told_apart_from_their_paper() {
+fn colours_have_contrast_to_the_background() {
     assert!((contrast([0.0; 3], [1.0; 3]) - 21.0).abs() < 1e-9);
     let sheets = [include_str!("../../src/page.css"), include_str!("../../src/figure.css")];
     for sheet in sheets {

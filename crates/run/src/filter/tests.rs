@@ -63,7 +63,7 @@ fn said(rows: &FilteredRows) -> Vec<u64> {
 }
 
 #[test]
-fn whatever_is_filtered_at_a_time_gives_the_same_bits_and_keeps_no_more() {
+fn block_size_changes_neither_bits_nor_memory_of_a_filter() {
     let folder = tempfile::tempdir().expect("a folder");
     let logs = recordings(folder.path(), &[900, 40, 333, 1]);
     let white = fitted(&logs[..1]);
@@ -103,7 +103,7 @@ fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
 }
 
 #[test]
-fn a_filter_that_is_stepped_by_hand_says_the_same() {
+fn a_filter_stepped_row_by_row_gives_the_same_result() {
     let folder = tempfile::tempdir().expect("a folder");
     let logs = recordings(folder.path(), &[900, 200]);
     let model = fitted(&logs[..1]);

@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_are_read_and_slips_are_told() {
+    fn lists_are_read_and_typing_errors_are_refused() {
         assert_eq!(values("V=0.5, `a,b`=1e-2").unwrap(), [("V".to_owned(), 0.5), ("a,b".to_owned(), 0.01)]);
         let open = bounds("N1=0.2..1,alpha=-.1..").unwrap();
         assert_eq!(open, [("N1".to_owned(), [0.2, 1.0]), ("alpha".to_owned(), [-0.1, f64::INFINITY])]);

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_go_together_is_refused() {
+    fn contradicting_options_are_refused() {
         let rows: Arc<dyn DenseRows> = Arc::new(Waves);
         let good = DenseBootstrap {
             lambdas: vec![0.1; 2],

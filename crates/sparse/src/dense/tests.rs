@@ -182,7 +182,7 @@ fn bad_input_is_named() {
 }
 
 #[test]
-fn few_solutions_of_many_columns_are_found_on_the_rows() {
+fn few_solutions_of_many_columns_use_the_rows() {
     let rows = || Arc::new(Table { rows: 700, regressors: ROOT_COLUMNS + 10 });
     let weights: Vec<f64> = (0..700).map(|row| f64::from(row % 5 > 0) * (1.0 + uniform(row))).collect();
     let few = DenseDesign::for_few(rows(), Some(weights.clone()), &Silent).unwrap();

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_said_is_an_error() {
+    fn wrong_supports_are_refused() {
         let (scan, _) = scan();
         let b = Mat::<f64>::zeros(3, 2);
         let wrong = system_errors(&scan, 0, true, b.as_ref(), &[vec![0]], Clusters::Chunks).unwrap_err();

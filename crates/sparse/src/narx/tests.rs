@@ -143,7 +143,7 @@ fn lagged() -> Vec<Expr> {
 }
 
 #[test]
-fn the_order_that_made_the_data_is_found_whatever_it_is_compared_by() {
+fn every_criterion_recovers_the_true_order() {
     let source = recording(3, 8, 400, 0.05);
     let library = library(order(4, 3, 3));
     let scanned = scan(library.functions(), &source);

@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_split_is_told() {
+    fn data_that_cannot_be_split_are_refused() {
         let (keys, rows) = members(&[(3, 10)]);
         let of = |count| Folds::of(&keys, &rows, FoldRule::Count(count), Purge::TENTH);
         // Ten spans of three rows, but chunks of ten.
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_are_held_out_and_what_has_none_trains() {
+    fn groups_are_held_out_and_rows_without_group_train() {
         let (keys, _) = members(&[(2, 10), (1, 10), (3, 10)]);
         let folds = Folds::by(&keys, |key| (key.episode.0 > 0).then_some(key.episode)).unwrap();
         assert_eq!(folds.len(), 2);

@@ -264,7 +264,7 @@ fn bounds_that_hold_nothing_change_no_bit() {
 }
 
 #[test]
-fn what_cannot_keep_bounds_refuses_them() {
+fn methods_without_bounds_refuse_them() {
     let rows = rows(5, 50, 4, 0.2);
     let problem = compressed(&rows, 1, false);
     let bounds = vec![[0.0, f64::INFINITY]; 4];

@@ -519,7 +519,7 @@ fn supports_beyond_the_rank_end_where_coefficients_become_zero() {
 }
 
 #[test]
-fn what_is_out_of_range_is_refused() {
+fn options_out_of_range_are_refused() {
     let rows = random(1, 20, 4);
     let problem = rows.problem(Form::Root);
     let run = |lasso: GroupLasso| {
@@ -551,7 +551,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn problems_nobody_chose_are_certified((seed, n, p, ratio) in shape(), kind in 0_usize..6, few in any::<bool>()) {
+    fn random_problems_are_certified((seed, n, p, ratio) in shape(), kind in 0_usize..6, few in any::<bool>()) {
         let rows = if few { integers(seed, n, p) } else { random(seed, n, p) };
         let (what, penalty) = penalties(p).swap_remove(kind);
         for form in FORMS {

@@ -126,7 +126,7 @@ fn a_path_that_is_stopped_is_the_beginning_of_the_whole_one() {
 }
 
 #[test]
-fn what_is_left_out_is_named() {
+fn columns_left_out_are_named() {
     for rows in degenerate() {
         for form in FORMS {
             let path = lars(&rows.problem(form), &Penalty::standardised(), &LarsOptions::default()).expect("a path");

@@ -179,7 +179,7 @@ fn degrees_of_freedom_are_the_trace_of_the_hat_matrix() {
 }
 
 #[test]
-fn the_certificate_refuses_what_is_no_solution() {
+fn the_certificate_refuses_wrong_solutions() {
     let rows = random(16, 30, 4);
     let problem = rows.problem(Form::Root);
     let penalty = Penalty { signs: vec![Sign::NonNegative; 4], ..Penalty::default() };

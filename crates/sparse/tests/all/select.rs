@@ -504,7 +504,7 @@ fn correlated_rows_count_for_less() {
 }
 
 #[test]
-fn what_cannot_be_chosen_is_told() {
+fn choices_that_are_not_possible_are_refused() {
     let study = study();
     let structure = study.regression.structure();
     let banks = banks(&study.regression, 16, &study.source);

@@ -81,7 +81,7 @@ fn every_model_is_certified_and_its_error_is_that_of_the_rows() {
 
 /// A sign and its cube, in units of their own: which of the two is a bit better is rounding, and the library's first is taken.
 #[test]
-fn of_terms_that_say_the_same_the_first_is_taken() {
+fn the_first_of_equal_terms_is_taken() {
     for seed in 0..40 {
         let mut data = rows(seed, 150, 5, 1, 0.1);
         let unit = 1.0 + noise(seed).abs();
@@ -123,7 +123,7 @@ fn reduction_ratios_are_the_errors_that_fall_and_the_rest_can_end_the_model() {
 }
 
 #[test]
-fn what_depends_is_named_and_gets_the_least_norm() {
+fn dependent_columns_are_named_and_get_the_least_norm() {
     let plain = rows(7, 60, 5, 1, 0.1);
     // The last column is the first one doubled.
     let data = Mat::from_fn(60, 7, |i, j| match j {

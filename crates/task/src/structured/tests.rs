@@ -112,7 +112,7 @@ fn latents_without_a_constant_coefficient_bring_their_own_moments() {
 }
 
 #[test]
-fn errors_say_where_and_what_helps() {
+fn errors_name_the_place_and_the_remedy_in_recipes() {
     let with = |latents: &str, tasks: &str| format!("[latents]\n{latents}\n[tasks]\n{tasks}\n");
     let f = "f = { of = [\"h\"] }";
     let both = "f = { of = [\"h\"] }\ng = { of = [\"M\"] }";

@@ -80,7 +80,7 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 #[test]
-fn foreign_and_newer_files_are_told() {
+fn foreign_and_newer_files_are_refused() {
     assert!(matches!(read(b"{\"model\": 1}"), Err(StatisticError::Foreign { .. })));
     assert!(matches!(read(b""), Err(StatisticError::Foreign { .. })));
     let mut bytes = small();
@@ -135,7 +135,7 @@ fn with(sections: &[(String, Vec<u8>)], index: usize, payload: Vec<u8>) -> Vec<u
 }
 
 #[test]
-fn files_that_lie_are_refused() {
+fn files_with_inconsistent_content_are_refused() {
     let whole = small();
     let sections = sections(&whole);
     assert_eq!(with(&sections, 0, sections[0].1.clone()), whole, "the crafted file is the written one");

@@ -146,7 +146,7 @@ fn partitions_are_frozen_side_by_side() {
 }
 
 #[test]
-fn what_was_not_summed_is_refused_with_a_mend() {
+fn sums_that_are_missing_are_refused_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let files = pendulum(folder.path(), 2, 260, 0.0);
     let parse = |text: &str| Recipe::parse(text, "test").unwrap();

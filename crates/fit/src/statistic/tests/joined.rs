@@ -86,7 +86,7 @@ fn other_plans_are_refused_with_the_difference() {
 }
 
 #[test]
-fn what_is_left_after_a_drop_is_a_scan_of_the_others() {
+fn dropping_logs_equals_a_scan_of_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let files = fleet(folder.path(), &[1, 2, 3], 2);
     let all = scanned(&files, None);
@@ -171,7 +171,7 @@ fn parts_appended_in_order_are_the_scan_of_all() {
 }
 
 #[test]
-fn what_is_kept_is_a_scan_of_it() {
+fn keeping_logs_equals_a_scan_of_them() {
     let folder = tempfile::tempdir().unwrap();
     let files = fleet(folder.path(), &[1, 2], 2);
     let all = scanned(&files, None);

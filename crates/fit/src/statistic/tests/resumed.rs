@@ -100,7 +100,7 @@ fn an_append_goes_on_too() {
 }
 
 #[test]
-fn what_another_command_left_is_not_taken_up() {
+fn a_partial_file_of_another_command_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let files = fleet(folder.path(), &[1, 2, 3], 3);
     let target = target(folder.path().join("run.stats"));
