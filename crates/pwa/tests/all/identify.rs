@@ -153,8 +153,8 @@ fn held_out_losses_are_those_of_models_that_did_not_see_the_fold() {
         losses.push(error / 1000.0 / variance);
     }
     let mut reported = identification.candidates[0].losses.clone();
-    losses.sort_by(f64::total_cmp);
     reported.sort_by(f64::total_cmp);
+    losses.sort_by(f64::total_cmp);
     for (a, b) in reported.iter().zip(&losses) {
         assert!((a - b).abs() < 1e-10 * b, "{a} {b}");
     }
