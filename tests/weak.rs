@@ -82,9 +82,9 @@ fn windows_that_cannot_be_had_are_refused_with_the_mend_and_short_episodes_are_n
     let told = fit(path, &["long.csv", "short.csv", "--weak", "41"]).ok();
     assert!(told.err.contains("1 of 2 episodes (the first is short"), "{}", told.err);
     fit(path, &["long.csv", "--weak", "501"]).fails(&["windows of 501 rows", "long", "400", "smaller number"]);
-    fit(path, &["short.csv", "--weak", "auto"]).fails(&["short", "30", "leave --weak away"]);
+    fit(path, &["short.csv", "--weak", "auto"]).fails(&["short", "30", "remove --weak"]);
     fit(path, &["long.csv", "--weak", "7"]).fails(&["weak = 7", "from 9 on"]);
-    fit(path, &["long.csv", "--weak", "41", "--predict", "next"]).fails(&["derivative", "leave it away"]);
+    fit(path, &["long.csv", "--weak", "41", "--predict", "next"]).fails(&["derivative", "remove it"]);
 }
 
 #[test]

@@ -19,7 +19,7 @@ const MOST: usize = 2_000;
 pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     match recipe.library.radial {
         Some(count) if !(1..=MOST).contains(&count) => Err(Error::value(format!(
-            "{entry} ({given_radial}): give a number of centres from 1 to {MOST}, or leave it away",
+            "{entry} ({given_radial}): give a number of centres from 1 to {MOST}, or remove it",
             given_radial = RADIAL.to(count),
             entry = LIBRARY_SECTION.entry("radial").is(count)
         ))),
@@ -77,7 +77,7 @@ pub(crate) fn refuse(recipe: &Recipe, command: &str) -> Result<(), Error> {
     match recipe.library.radial {
         None => Ok(()),
         Some(count) => Err(Error::conflict(format!(
-            "{entry} ({given_radial}): `{command}` has no radial functions; leave it away, or use {FIT_PWA} or {FIT_SINDY}",
+            "{entry} ({given_radial}): `{command}` has no radial functions; remove it, or use {FIT_PWA} or {FIT_SINDY}",
             given_radial = RADIAL.to(count),
             entry = LIBRARY_SECTION.entry("radial").is(count)
         ))),

@@ -367,7 +367,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
         match (&state.equation, &state.known) {
             (Some(_), Some(_)) => {
                 return Err(Error::conflict(format!(
-                    "{place}: it has both `equation` and `known`; leave one of them away"
+                    "{place}: it has both `equation` and `known`; remove one of them"
                 )));
             }
             (None, None) => {

@@ -37,7 +37,7 @@ impl EquationTask {
         let known = self.differences().next().is_some();
         if !known && matches!(form, WeakForm::Auto | WeakForm::Rows(_)) {
             return Err(RecipeError::conflict(
-                format!("{WEAK} moves the derivatives of states onto test functions, and no equation has a derivative by central differences: leave it away, or write \
+                format!("{WEAK} moves the derivatives of states onto test functions, and no equation has a derivative by central differences: remove it, or write \
                  `derivative = \"auto\"` ({STATES_SECTION})"),
             )
 .into());
@@ -61,7 +61,7 @@ impl EquationTask {
                 needed as u64,
                 format!(
                     "{WEAK}: windows of {rows} rows need an episode of {needed} rows or more, and the longest, {name}, has {room}: give longer episodes, a smaller number of \
-                     rows, or leave {WEAK} away"
+                     rows, or remove {WEAK}"
                 ),
             )
 .into());

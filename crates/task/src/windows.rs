@@ -82,7 +82,7 @@ impl WeakForm {
         };
         let has = held.map_or("rows".into(), |weak| format!("windows of {} rows", weak.rows()));
         Err(Error::other_statistic(format!(
-            "{WEAK} asks for {wanted}, and the statistic has sums of {has}: leave {WEAK} away, scan again with it in the recipe ({entry}), or give the logs",
+            "{WEAK} asks for {wanted}, and the statistic has sums of {has}: remove {WEAK}, scan again with it in the recipe ({entry}), or give the logs",
             entry = SINDY.entry("weak")
         )))
     }

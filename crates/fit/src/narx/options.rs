@@ -145,7 +145,7 @@ impl NarxOptions {
             return Err(refused(
                 "starts",
                 options.starts,
-                format!("1, or leave {SELECT} away: clusterings are compared by free runs only"),
+                format!("1, or remove {SELECT}: clusterings are compared by free runs only"),
             ));
         }
         if options.partitions.len() > 1 && options.selection == NarxSelection::OneStep(Criterion::Ebic) {

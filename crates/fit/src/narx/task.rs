@@ -59,7 +59,7 @@ pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Re
     if !recipe.constraints.is_empty() {
         return refuse(
             &format!("the recipe has {CONSTRAINTS}"),
-            format!("{FIT_SINDY} and {FIT_SPARSE} keep them; leave them away"),
+            format!("{FIT_SINDY} and {FIT_SPARSE} keep them; remove them"),
         );
     }
     match recipe.model.predict.as_deref() {
@@ -67,7 +67,7 @@ pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Re
         Some(other) => {
             return refuse(
                 &PREDICT.to(other).to_string(),
-                format!("an autoregression gives the next value of its outputs; leave it away, or run {FIT_SINDY}"),
+                format!("an autoregression gives the next value of its outputs; remove it, or run {FIT_SINDY}"),
             );
         }
     }
@@ -219,7 +219,7 @@ impl NarxBase {
             |error| match error {
                 ClosedError::Ahead { column, definition, state, ahead } => Error::conflict(format!(
                     "the input `{column}` is {definition}, a function of the output `{state}`{}: it is known only when the output is; give it earlier rows \
-                     (leave {DIRECT} away, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
+                     (remove {DIRECT}, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
                     if ahead == 1 { String::new() } else { format!(" {} rows ahead", ahead - 1) }
                 )),
                 other => Error::conflict(other.to_string()),

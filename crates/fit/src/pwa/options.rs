@@ -179,7 +179,7 @@ fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>
     match (section.horizon, compared) {
         (None, false) => Ok(None),
         (Some(steps), false) => Err(Error::conflict(format!(
-            "{entry} ({given_horizon}): nothing is chosen by rollouts; add select = \"rollout\" ({given_select}), or leave it away",
+            "{entry} ({given_horizon}): nothing is chosen by rollouts; add select = \"rollout\" ({given_select}), or remove it",
             given_horizon = HORIZON.to(steps),
             given_select = SELECT.to("rollout"),
             entry = PWA.entry("horizon").is(steps)

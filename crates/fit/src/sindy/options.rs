@@ -101,7 +101,7 @@ impl SindyOptions {
         let terms = section.terms;
         if let (Some(_), Some(count)) = (threshold, terms) {
             return Err(Error::conflict(format!(
-                "{SINDY} has both `threshold` and `terms = {count}`; each says how many terms an equation has, so leave one of them away"
+                "{SINDY} has both `threshold` and `terms = {count}`; each says how many terms an equation has, so remove one of them"
             )));
         }
         if terms == Some(0) {
@@ -151,10 +151,7 @@ impl SindyOptions {
     pub(super) fn within(mut self, recipe: &Recipe) -> Result<Self, Error> {
         let Some(name) = recipe.constraints.keys().next() else { return Ok(self) };
         let refused = |what: String| {
-            Err(Error::conflict(format!(
-                "{entry}, and {what}; leave one of them away",
-                entry = CONSTRAINTS.entry(name)
-            )))
+            Err(Error::conflict(format!("{entry}, and {what}; remove one of them", entry = CONSTRAINTS.entry(name))))
         };
         match self.optimizer {
             SindyOptimizer::Auto | SindyOptimizer::Stlsq | SindyOptimizer::Ssr | SindyOptimizer::LeastSquares => {}
@@ -444,7 +441,7 @@ mod tests {
             ("threshold = -1.0", ["threshold = -1", "zero or more"]),
             ("threshold = \"small\"", ["threshold = small", "auto"]),
             ("threshold = 0.1\noptimizer = \"frols\"", ["frols has no threshold", "terms"]),
-            ("threshold = 0.1\nterms = 3", ["both", "leave one"]),
+            ("threshold = 0.1\nterms = 3", ["both", "remove one"]),
             ("terms = 0", ["terms = 0", "from 1 on"]),
             ("weak = 8", ["weak = 8", "from 9 on"]),
             ("weak = 20.5", ["weak = 20.5", "a number of rows"]),

@@ -44,7 +44,7 @@ fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<
     let estimated = !evidence.parameters.is_empty();
     match (asked, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
         (SmoothStates::On, Some(what)) => Err(Error::conflict(format!(
-            "{entry}, and {what}: leave one of them away",
+            "{entry}, and {what}: remove one of them",
             entry = SINDY.entry("smooth_states").is("on")
         ))),
         (SmoothStates::On, None) => Ok(true),

@@ -108,13 +108,13 @@ impl SparseOptions {
         }
         if groups.is_some() && (bolasso.is_some() || stability) {
             return Err(Error::conflict(format!(
-                "{} with a bolasso or stability selection: their replicates are lassos; leave one of them away",
+                "{} with a bolasso or stability selection: their replicates are lassos; remove one of them",
                 SPARSE.entry("groups")
             )));
         }
         if l1_ratio < 1.0 && (bolasso.is_some() || stability) {
             return Err(Error::conflict(format!(
-                "{} below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away",
+                "{} below 1 with a bolasso or stability selection: their replicates are lassos; remove one of them",
                 SPARSE.entry("l1_ratio")
             )));
         }

@@ -113,7 +113,7 @@ fn functions(
     }
     if let Some((first, again)) = duplicate(&all) {
         return Err(Error::conflict(format!(
-            "{place}: candidate {} is candidate {} once more, `{}`; leave one of them away",
+            "{place}: candidate {} is candidate {} once more, `{}`; remove one of them",
             again + 1,
             first + 1,
             all[again]

@@ -58,7 +58,7 @@ fn forms(
         (Some(text), true) => return Ok(vec![form(text, &format!("{place} of"))?.0]),
         (None, false) => &section.matrix,
         (Some(_), false) => {
-            return Err(Error::conflict(format!("{place}: it has both `of` and `matrix`; leave one of them away")));
+            return Err(Error::conflict(format!("{place}: it has both `of` and `matrix`; remove one of them")));
         }
         (None, true) => {
             return Err(Error::missing(format!(

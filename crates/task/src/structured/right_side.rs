@@ -30,7 +30,7 @@ pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str, 
             }));
         }
         if coefficient.as_number() == Some(0.0) {
-            return Err(problem(format!("`{name}` cancels out; leave it away")));
+            return Err(problem(format!("`{name}` cancels out; remove it")));
         }
         let latent = latents.iter().position(|latent| **latent == **name).unwrap_or_default();
         terms.push(Term { latent, coefficient });
