@@ -205,7 +205,7 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     for id in ["validation-1", "path-1", "selection-frequency", "excitation-1"] {
         assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
     }
-    assert!(!said.err.contains("of no model"), "{}", said.err);
+    assert!(!said.err.contains("whose model is not"), "{}", said.err);
     // The frequencies are those of the report, and so is the path, which is zero at its first lambda and the penalised fit at the chosen one.
     let told = sparse.json();
     let path = &told["path"];
@@ -240,7 +240,7 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     assert!(html.contains(&format!("{independent} of 2998 rows count as independent")), "{independent}");
 
     let said = run(&["report", "sindy.json", "--fit", "sparse-fit.json"]);
-    assert!(said.err.contains("of no model on this page, by their hashes: 1"), "{}", said.err);
+    assert!(said.err.contains("whose model is not on this page, by hash: 1"), "{}", said.err);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     run(&["report", "sindy.json", "--fit", "one.csv"])
         .fails(&["one.csv is not JSON", "the output of a fit with --json"]);

@@ -75,7 +75,7 @@ impl Printer<'_> {
             Precision::Double => "64-bit numbers",
         };
         format!(
-            "C99, {numbers}, no heap, no global variables; all functions are reentrant. Compile {p}.c with the robot's code (no -ffast-math: values that are not numbers are looked for); {p}_test.c is a program of its own that compares with the model's values and returns 0 where they agree."
+            "C99, {numbers}, no heap, no global variables; all functions are reentrant. Compile {p}.c with the robot's code (no -ffast-math: the code tests for NaN); {p}_test.c is a separate program that compares with the model's values and returns 0 if they agree."
         )
     }
 
@@ -113,7 +113,7 @@ impl Printer<'_> {
             return;
         }
         let t = self.c.real();
-        *out += "/* A model on its way. */\ntypedef struct {\n";
+        *out += "/* State of a running model. */\ntypedef struct {\n";
         if !plan.states.is_empty() {
             *out += &format!("    {t} x[{}]; /* the states */\n", plan.states.len());
         }

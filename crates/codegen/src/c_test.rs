@@ -26,8 +26,7 @@ impl Program<'_> {
             self.vectors.len()
         );
         if self.vectors.is_empty() {
-            out +=
-                "/* No point was found that is not at a border of the model. */\nint main(void)\n{\n    return 0;\n}\n";
+            out += "/* Every tested point lies at a border of the model. */\nint main(void)\n{\n    return 0;\n}\n";
             return out;
         }
         out += &format!("enum {{ VECTORS = {} }};\n\n", self.vectors.len());

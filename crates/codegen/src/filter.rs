@@ -102,7 +102,7 @@ fn constant_tables(filter: &Filter<'_>) -> Vec<Table> {
     let deviation = |of: &dyn Fn(f64) -> f64| tables.sensors.iter().map(|&(_, sigma)| of(sigma)).collect::<Vec<_>>();
     let mut made = vec![
         reals("a", "Of every region: the next states by the states.", n, all(&tables.a)),
-        reals("c", "Of every region: what is added.", n, all(&tables.c)),
+        reals("c", "Of every region: the constant of the step.", n, all(&tables.c)),
         reals("q", "Of every region: the covariance of a step's noise.", n, all(&tables.q)),
         reals("variance", "The variance of every sensor.", 8, deviation(&|value| value * value)),
         // The engine keeps the root of it, and squares that again.
@@ -147,7 +147,7 @@ fn constant_tables(filter: &Filter<'_>) -> Vec<Table> {
         made.push(reals("s", "Of every region: the next states by the residuals of the row.", q, all(&colour.s)));
         let columns = colour.coefficients.len().checked_div(q).unwrap_or(0);
         made.push(reals("phi", "Residuals by those of the rows before.", columns, colour.coefficients.clone()));
-        made.push(reals("new", "The covariance of what is new in residuals.", q, colour.innovation.clone()));
+        made.push(reals("new", "The covariance of the innovations of the residuals.", q, colour.innovation.clone()));
         made.push(reals("lasting", "The covariance of residuals at any time.", columns, colour.stationary.clone()));
     }
     if let Some(transitions) = tables.transitions.as_ref().filter(|rows| rows.len() > 1) {

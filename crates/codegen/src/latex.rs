@@ -30,7 +30,7 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     let latents: Vec<String> = model.latents.iter().map(|latent| latent_lines(model, latent)).collect();
     align(&mut out, &latents);
     if model.latents.iter().any(|latent| !latent.beyond.is_empty()) {
-        let line = "Outside of the training ranges of a region its functions are held at the border, and what is left of them is multiplied by the slopes of `beyond` in the model file.";
+        let line = "Outside of the training ranges of a region its functions are held at the border; the distance beyond it is multiplied by the slopes of `beyond` in the model file.";
         let _ = writeln!(out, "% {line}");
     }
     for definition in model.definitions() {

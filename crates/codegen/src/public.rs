@@ -158,7 +158,7 @@ impl Assembled<'_> {
         let lags = states.filter(|(_, state)| matches!(state.advance, Advance::Lag(_)));
         let names: Vec<String> = lags.map(|(i, state)| format!("x[{i}] {}", state.signal.name)).collect();
         let text = format!(
-            "First-order lags are states: {}. Where nothing else is known, start each at the value of what it follows, as it is at rest.",
+            "First-order lags are states: {}. If nothing else is known, start each at the value that it follows, as at rest.",
             names.join(", ")
         );
         [vec![String::new()], fold(&text, 112)].concat()

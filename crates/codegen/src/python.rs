@@ -52,7 +52,7 @@ fn module(assembled: &Assembled<'_>, class: &str) -> String {
     for function in &assembled.code.functions {
         inner(function, &mut out);
     }
-    out += &format!("\nclass {class}:\n    \"\"\"A model on its way.\"\"\"\n\n");
+    out += &format!("\nclass {class}:\n    \"\"\"State of a running model.\"\"\"\n\n");
     methods(assembled, &mut out);
     out.truncate(out.trim_end().len());
     out.push('\n');

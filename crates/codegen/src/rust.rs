@@ -201,7 +201,7 @@ impl Rust {
     /// The struct of a model on its way.
     fn variable(&self, assembled: &Assembled<'_>, out: &mut String) {
         let (t, plan) = (self.real(), &assembled.plan);
-        *out += "/// A model on its way.\n#[derive(Debug, Clone, PartialEq)]\npub struct Model {\n";
+        *out += "/// State of a running model.\n#[derive(Debug, Clone, PartialEq)]\npub struct Model {\n";
         if !plan.states.is_empty() {
             *out += &format!("    /// The states.\n    pub x: [{t}; {}],\n", plan.states.len());
         }

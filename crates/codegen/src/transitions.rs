@@ -173,7 +173,7 @@ fn differences(pairs: &[RegionPair], count: usize) -> Option<Table> {
             values[from * count + to] = *p;
         }
     }
-    let doc = "How probable as great a difference between the maps of two regions is where both have the same (a likelihood ratio test); not a number where it was not told.";
+    let doc = "How probable as great a difference between the maps of two regions is where both have the same (a likelihood ratio test); not a number where it is unknown.";
     (!pairs.is_empty()).then(|| Table::reals("difference_p", "pairs/p", &[Size::Regions(count); 2], doc, values))
 }
 
@@ -210,7 +210,7 @@ pub(crate) fn c_declarations(tables: &TransitionTables, c: &C<'_>, out: &mut Str
         *out += &format!("/* Bins of the phase. */\n#define {}_PHASE_BIN_COUNT {bins}\n\n", c.upper());
     }
     for (at, table) in tables.tables.iter().enumerate() {
-        let first = format!("{} The tables stand in {p}_transitions.c, which only who reads them compiles.", table.doc);
+        let first = format!("{} The tables are in {p}_transitions.c: compile it only if you read them.", table.doc);
         *out += "/*\n";
         for line in fold(if at == 0 { &first } else { &table.doc }, 112) {
             *out += &format!(" * {line}\n");

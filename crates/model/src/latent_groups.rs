@@ -31,7 +31,7 @@ impl LatentGroup {
 
 /// A right side reads a latent at another row.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the equation {equation} speaks of `{latent}` {lag} rows earlier; latents are known at the current row only")]
+#[error("the equation {equation} reads `{latent}` {lag} rows earlier; latents are known at the current row only")]
 pub struct LaggedLatent {
     /// The equation's left side.
     pub equation: String,

@@ -37,7 +37,7 @@ impl Model {
         for equation in &self.equations {
             let subject = &equation.subject;
             if self.column(subject).is_none() {
-                return Err(format!("the equation of `{subject}` speaks of a column that the model does not have"));
+                return Err(format!("the equation of `{subject}` reads a column that the model does not have"));
             }
         }
         let parts: usize = self.rotations().iter().map(|rotation| rotation.columns.len()).sum();
@@ -84,7 +84,7 @@ impl Model {
         let owner = self.latents.iter().find(|other| other.partition == latent.partition);
         match latent.beyond.len() {
             length if owner.is_some_and(|owner| owner.beyond.len() != length) => {
-                Err("the latents of one partition differ in what holds outside of training".to_owned())
+                Err("the latents of one partition differ in their extrapolation".to_owned())
             }
             0 => Ok(()),
             length if length != functions => {

@@ -74,8 +74,8 @@ fn in_time(models: &[(&str, &RolledOn)], place: usize, state: &State) -> Figure 
         _ => "which trained the model".to_owned(),
     };
     let caption = format!(
-        "{} of {steps} steps ({}), each begun at the recorded state, over the recording of {}, {held}. Filled marks: there it left the range of the training rows; hollow \
-         ones: it ended early. The stretch is about the middle of all simulations, whatever their errors; what goes farther from the recording than it varies is cut.",
+        "{} of {steps} steps ({}), each begun at the recorded state, over the recording of {}, {held}. Filled marks: there it left the training range; hollow \
+         ones: it ended early. The stretch is about the middle of all simulations, whatever their errors; a simulation is cut where its distance to the recording exceeds the variation of the recording.",
         count(first.stretch.starts.len(), "simulation"),
         seconds(long),
         first.name

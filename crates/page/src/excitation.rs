@@ -129,7 +129,7 @@ fn figure(all: &[Excitation], place: usize) -> Figure {
     };
     let eigenvalues: Vec<String> = all.iter().map(of).collect();
     let caption = format!(
-        "How many times the standard error of each coefficient is what it would be if its function moved alone; 1 is best. From {INFLATED:.1} on, a variance tenfold, coefficients are traded for one \
+        "Factor by which collinearity increases the standard error of each coefficient; 1 is best. From {INFLATED:.1} on, a variance tenfold, coefficients are traded for one \
          another: drive so that the functions move apart. Least eigenvalues of the correlations: {}.{more}",
         eigenvalues.join("; ")
     );

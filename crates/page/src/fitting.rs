@@ -286,7 +286,7 @@ impl Fit {
         };
         let caption = format!(
             "Coefficients of the penalised fit over lambda, in the units in which the penalty compares them; lines bend where a function enters or leaves. The upright line is at the \
-             chosen lambda, {}: what has left zero to its right is in the model, what leaves it further to the left would have come next.{more}",
+             chosen lambda, {}: functions that leave zero to its right are in the model; the next ones leave zero to its left.{more}",
             fleetfoot_report::words::number(chosen)
         );
         Some(Figure::new(format!("path-{place}"), title, caption, Chart::Lines(chart)))
@@ -307,7 +307,7 @@ impl Fit {
         }
         let of = if self.regions.len() > 1 { format!(" of region {}", region.name) } else { String::new() };
         let caption = format!(
-            "Root mean squared error of the equations{of} with so many terms, on the rows of the fit and on held-out rows; shaded is the number that was taken. Where the \
+            "Root mean squared error of the equations{of} with so many terms, on the rows of the fit and on held-out rows; shaded is the chosen number. Where the \
              held-out error no longer falls, more terms only follow the noise."
         );
         Some(Figure::new(format!("front-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
@@ -354,7 +354,7 @@ impl Fit {
         }
         let caption = format!(
             "Each mark is one of {} with its regions, lags and library, those of few coefficients to the left: its {what} on rows that did not train{}. On the line no model of as \
-             few coefficients has a smaller error. The upright line is at the model that was taken.",
+             few coefficients has a smaller error. The upright line is at the chosen model.",
             count(tried.len(), "model"),
             if criterion { ", and the Bayesian information criterion" } else { "" }
         );
@@ -441,8 +441,8 @@ impl TermsPath {
             String::new()
         };
         let caption = format!(
-            "What each function contributes to {} in the best model of so many terms, in the unit of the left side: zero where it is not in. A coefficient that \
-             goes on changing behind the upright line is traded for others.{more}",
+            "Contribution of each function to {} in the best model of so many terms, in the unit of the left side; zero if the model lacks the function. A coefficient that \
+             still changes behind the upright line is traded for others.{more}",
             self.label
         );
         Figure::new(name, title, caption, Chart::Lines(chart))
@@ -504,7 +504,7 @@ fn frequencies(shares: &[(&str, Vec<(String, f64)>)]) -> Option<Figure> {
     };
     let caption = |what: &str| {
         format!(
-            "Share of the resampled fits that select a function{what}: one that is selected always does not hang on a few rows.{more}"
+            "Share of the resampled fits that select a function{what}: a function that is always selected does not depend on a few rows.{more}"
         )
     };
     let chart = match models.as_slice() {

@@ -162,7 +162,7 @@ pub fn report(
         in_sample.extend(scored.in_sample.iter().filter(|name| !in_sample.contains(name)).cloned().collect::<Vec<_>>());
     }
     if let strangers @ 1.. = fitting::strangers(&judged, &fits) {
-        notes.push(format!("reports of fits that are of no model on this page, by their hashes: {strangers}"));
+        notes.push(format!("reports of fits whose model is not on this page, by hash: {strangers}"));
     }
     let episodes = seen.as_ref().map_or(0, |seen| seen.episodes.len());
     Ok(Report { page, episodes, in_sample, notes })

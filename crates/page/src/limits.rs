@@ -120,7 +120,7 @@ impl Fit {
 
     /// Errors with limits beside those without, where both are known.
     fn prices(&self) -> Option<Table> {
-        let caption = "Errors within the bounds and without them: what the bounds cost.";
+        let caption = "Errors within the bounds and without them: the cost of the bounds.";
         let head = ["of", "error (rms)", "held out", "without bounds", "held out"];
         let value = |value: Option<f64>| Cell::of(value.unwrap_or(f64::NAN));
         let row = |name: String, priced: &Priced| {
@@ -148,7 +148,7 @@ impl Fit {
             .map(|noise| vec![Cell::Text(noise.of.clone()), value(noise.deviation), value(noise.free_deviation)])
             .collect();
         let caption =
-            "Standard deviation of what the equations leave, within the bounds and without them: what the bounds cost.";
+            "Standard deviation of the residuals, within the bounds and without them: the cost of the bounds.";
         (!rows.is_empty())
             .then(|| rows.into_iter().fold(Table::new(caption, ["of", "deviation", "without bounds"]), Table::row))
     }

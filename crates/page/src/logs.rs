@@ -152,7 +152,7 @@ impl Seen {
         let kinds: Vec<String> = kinds.into_iter().map(str::to_owned).collect();
         let more = if total > DRAWN { format!(" Shown are {DRAWN} of {total} logs.") } else { String::new() };
         let caption =
-            format!("Where each log has rows, from its first one on; what is empty between them is a gap.{more}");
+            format!("Rows of each log over time, from its first one on; empty parts between them are gaps.{more}");
         let chart = Spans::new(Axis::of("time since the start of the log", "s").with_zero(), kinds, rows);
         Some(Figure::new("logs-in-time", "Rows in time", caption, Chart::Spans(chart)))
     }
@@ -193,7 +193,7 @@ fn stamps(recipe: &Recipe) -> String {
     };
     let said = [
         time.column.as_ref().map(|column| format!("Stamps are those of {column}{unit}.")),
-        time.dt.map(|dt| format!("Rows are {} apart by what the recipe says.", seconds(dt))),
+        time.dt.map(|dt| format!("Rows are {} apart, as the recipe says.", seconds(dt))),
         time.stamp.as_ref().map(of_logs),
         time.base.as_ref().map(|base| format!("The messages of {base} make the rows.")),
         time.rate.map(|rate| {
@@ -229,7 +229,7 @@ fn channels(topics: &[TopicInfo]) -> Table {
 
 /// Table of clock offsets of other computers.
 fn clocks(clocks: &[AlignedClock]) -> Table {
-    let caption = "Clocks of other computers, and what they show more than the first one, with 95 % intervals.";
+    let caption = "Clock offsets of other computers to the first one, with 95 % intervals.";
     let head = ["clock", "log", "by", "offset [ms]", "skew [ppm]"];
     clocks.iter().take(DRAWN).fold(Table::new(caption, head), |table, clock| {
         let half = |[low, high]: [f64; 2]| 0.5 * (high - low);

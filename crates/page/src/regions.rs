@@ -45,7 +45,7 @@ pub(crate) fn determined(model: &Model, partition: usize, region: usize) -> Dete
         let names: Vec<String> = group.iter().map(name).collect();
         return Determined {
             light: Light::Bad,
-            words: format!("cannot tell apart {}", series(&names, 4)),
+            words: format!("cannot separate {}", series(&names, 4)),
             mend: Some(format!("{of}rows in which {} do not move together", series(&names, 4))),
         };
     }

@@ -29,7 +29,7 @@ pub(crate) fn in_time(targets: &[Target], step: f64) -> Option<Figure> {
     let mut x = Axis::of("between the rows", unit);
     x.scale = Scale::Logarithmic;
     let chart = Lines::new(x, Axis::of("autocorrelation of the error", "").between(-1.05, 1.05), lines).level(0.0, "");
-    let caption = "Share of an error that is there again later in the log. Near zero everywhere: what is left is noise. Near one for long: the model misses something that changes slowly. About \u{2212}0.5 after one row: the target is a difference of noisy values.";
+    let caption = "Share of an error that is there again later in the log. Near zero everywhere: the residual is noise. Near one for long: the model misses something that changes slowly. About \u{2212}0.5 after one row: the target is a difference of noisy values.";
     Some(Figure::new("error-autocorrelation", "Autocorrelation of the errors", caption, Chart::Lines(chart)))
 }
 
@@ -55,8 +55,7 @@ pub(crate) fn over_columns(place: usize, target: &Target, columns: &[Coverage]) 
         .map(|&(column, share)| format!("{} {:.0} %", columns[column].name, 100.0 * share.max(0.0)))
         .collect();
     let caption = format!(
-        "Mean one-step error, in standard deviations of the target, over each column; bands are one standard deviation of the errors to both sides. A line that leaves zero says \
-         what the model misses. Share of the errors\u{2019} variance that goes with a column: {}.",
+        "Mean one-step error, in standard deviations of the target, over each column; bands are one standard deviation of the errors to both sides. A line that leaves zero shows an effect that the model lacks. Share of the errors\u{2019} variance that goes with a column: {}.",
         series(&shares, 3)
     );
     let title = format!("Errors of {} over the columns", target.name);
@@ -81,7 +80,7 @@ pub(crate) fn finding(targets: &[Target], columns: &[Coverage]) -> Option<Senten
     let (target, name, share, of_target) = targets.iter().filter_map(most).max_by(|a, b| a.3.total_cmp(&b.3))?;
     let text = format!(
         "The mean error at each value of {name} makes {:.0} % of the variance of the error of {target}, {:.1} % of that of {target} itself. A function of {name} that the model \
-         lacks, or more regions along it, may mend that.",
+         lacks, or more regions along it, may remove it.",
         100.0 * share,
         100.0 * of_target
     );

@@ -137,7 +137,7 @@ fn bars(judged: &[Judged<'_>], scored: &Scored) -> Figure {
     chart.level = Some((1.0, "null model".to_owned()));
     let mut caption = format!(
         "Mean absolute error of one-step predictions over that of the null model, the mean of the training rows: below 1 is better than no model. Whiskers: {}. \
-         Marks are predictions that need no model; an arrow is beyond the axis.",
+         Marks are baselines; an arrow is beyond the axis.",
         interval_in_words(&scored.scores.basis)
     );
     if drawn.len() < targets.len() {
@@ -181,7 +181,7 @@ fn calibration(judged: &[Judged<'_>]) -> Option<Figure> {
         Axis::of("Mahalanobis score of the prediction", "").with_zero(),
         series,
     );
-    let caption = "Mean score of bins of equally many rows, over the mean distance of their regressors from the middle of their region, in standard deviations of the training rows. A line that rises says that the model is worse where it has seen less: distance warns of it.";
+    let caption = "Mean score of bins of equally many rows, over the mean distance of their regressors from the middle of their region, in standard deviations of the training rows. A rising line means that the model is worse far from its training rows, so the distance is a warning.";
     Some(Figure::new("error-by-distance", "Error by distance from the training rows", caption, Chart::Lines(chart)))
 }
 

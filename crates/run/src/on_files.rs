@@ -116,7 +116,7 @@ fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Resu
     match label {
         Some((column, names)) if without_region > 0 => Err(fleetfoot_dataset::Error::UnseenLabel {
             column,
-            labels: format!("it knows {}; {scored} rows have one of these", names.join(", ")),
+            labels: format!("the model was trained on {}; {scored} rows have one of these", names.join(", ")),
             rows: without_region,
         }
         .into()),

@@ -29,7 +29,7 @@ pub enum SparseError {
     #[error("the target holds a value that is not finite: drop the rows where it is missing")]
     TargetNotFinite,
     /// The statistic has fewer targets.
-    #[error("target {target} is asked for, the statistic has {targets}")]
+    #[error("there is no target {target}: the statistic has {targets}, counted from 0")]
     NoSuchTarget {
         /// Number of the requested target.
         target: usize,

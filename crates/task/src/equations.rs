@@ -500,7 +500,7 @@ fn limits(
     for (name, section) in &recipe.constraints {
         if section.coefficients.is_empty() {
             return Err(Error::conflict(format!(
-                "{entry}: `of` and `matrix` speak of the functions of {LATENTS}, which {FIT_SPARSE} fits; {FIT_SINDY} bounds the coefficients of an \
+                "{entry}: `of` and `matrix` bound the functions of {LATENTS}, which {FIT_SPARSE} fits; {FIT_SINDY} bounds the coefficients of an \
                  equation: `{name} = {{ coefficients = {{ {} = [\"{}\"] }}, at_most = 0.0 }}`",
                 equations.first().map_or("v", |equation| &equation.subject),
                 functions.first().map_or_else(|| "v".into(), Expr::to_string),
@@ -523,7 +523,7 @@ fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
         let place = STATES_SECTION.entry(name).to_string();
         if state.equation.is_some() {
             return Err(Error::conflict(format!(
-                "{place} equation: it contains latents, which {FIT_SPARSE} fits; write what is known of the right side as `nominal`, or all of it as `known`"
+                "{place} equation: it contains latents, which {FIT_SPARSE} fits; write the known part of the right side as `nominal`, or all of it as `known`"
             )));
         }
         let fitted = state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();

@@ -356,7 +356,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
         "delta" | "difference" => Prediction::Difference,
         other => {
             return Err(Error::conflict(format!(
-                "predict = \"{other}\": equations of {STATES_SECTION} give a derivative, next value or delta; leave `equation` away to predict a column"
+                "predict = \"{other}\": equations of {STATES_SECTION} give a derivative, next value or delta; remove `equation` to predict a column"
             )));
         }
     };

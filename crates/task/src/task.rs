@@ -134,7 +134,7 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
     }
     if equations.iter().all(|equation| equation.target.is_none()) {
         return Err(Error::conflict(format!(
-            "all states are known: there is nothing to fit; leave `known` away from at least one, or write the model as it is with {FIT_PWA} or \
+            "all states are known: there is nothing to fit; remove `known` from at least one, or write the model as it is with {FIT_PWA} or \
              {FIT_SINDY}"
         )));
     }

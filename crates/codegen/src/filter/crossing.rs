@@ -146,10 +146,10 @@ impl Filter<'_> {
         });
     }
 
-    /// Keeps where the points stand.
+    /// Keeps the regions of the points.
     pub(super) fn remember(&self, w: &mut Writer) {
         let Self { p, points, r, .. } = self;
-        w.comment("Keeps where the points stand.");
+        w.comment("Keeps the regions of the points.");
         w.function(&format!("static void {p}_remember_({p}_state *f)"), |w| {
             w.each("r", r, |w| {
                 w.each("i", points, |w| {
@@ -162,7 +162,7 @@ impl Filter<'_> {
     /// Joins in every region the part that stayed there and the parts that came over its border.
     pub(super) fn join(&self, w: &mut Writer) {
         let Self { p, points, r, t, zero, .. } = self;
-        w.comment("Joins in every region what stayed there and what came over its border.");
+        w.comment("Joins in every region the points that stayed and those that crossed its border.");
         w.function(&format!("static void {p}_join_({p}_state *f)"), |w| {
             writeln!(w, "{t} share[{r}];");
             writeln!(w, "{t} w[{r}];");
@@ -215,11 +215,11 @@ impl Filter<'_> {
         });
     }
 
-    /// The share of the points that stand in a region; half of one where none does.
+    /// The share of the points in a region; half a point if there is none.
     pub(super) fn mass(&self, w: &mut Writer) {
         let Self { p, points, t, .. } = self;
         let one_half = self.c.number(0.5);
-        w.comment("The share of the points that stand in a region; half of one where none does.");
+        w.comment("The share of the points in a region; half a point if there is none.");
         w.function(&format!("static {t} {p}_mass_(const int16_t place[{points}], int16_t region)"), |w| {
             writeln!(w, "size_t count = 0;");
             w.each("i", points, |w| {

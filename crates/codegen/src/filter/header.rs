@@ -40,7 +40,7 @@ impl Filter<'_> {
             out += &format!("    {upper}_{kind}_COUNT = {}\n}};\n\n", names.len());
         }
         out += &format!(
-            "/* A filter on its way. */\ntypedef struct {{\n    {t} x[{n}]; /* the states */\n    {t} cov[{nn}]; /* their covariance, by rows */\n    {t} w[{r}]; /* the probability of every region */\n    {t} log_likelihood; /* of what the last step measured */\n"
+            "/* State of a running filter. */\ntypedef struct {{\n    {t} x[{n}]; /* the states */\n    {t} cov[{nn}]; /* their covariance, by rows */\n    {t} w[{r}]; /* the probability of every region */\n    {t} log_likelihood; /* of what the last step measured */\n"
         );
         if !self.inputs.is_empty() {
             out += &format!("    {t} u[{}];\n", self.inputs.len());
@@ -56,7 +56,7 @@ impl Filter<'_> {
         out += &format!("}} {p}_state;\n\n");
         let u = self.u_parameter();
         out += &format!(
-            "/* Begins at a row: states that it measures at what it says. */\nvoid {p}_start({p}_state *f, const {t} z[{s}]);\n\n/* Passes to the next row: u are the inputs of the row before, held over the step, z the measurements of the new one. */\nvoid {p}_step({p}_state *f{u}, const {t} z[{s}]);\n\n"
+            "/* Starts at a row: measured states take their measurements. */\nvoid {p}_start({p}_state *f, const {t} z[{s}]);\n\n/* Passes to the next row: u are the inputs of the row before, held over the step, z the measurements of the new one. */\nvoid {p}_step({p}_state *f{u}, const {t} z[{s}]);\n\n"
         );
         out += &format!("#ifdef __cplusplus\n}}\n#endif\n\n#endif /* {upper}_H */\n");
         out

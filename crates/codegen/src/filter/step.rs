@@ -113,7 +113,7 @@ impl Filter<'_> {
     /// Writes the estimate over all regions.
     pub(super) fn estimate(&self, w: &mut Writer) {
         let Self { p, .. } = self;
-        w.comment("What all regions say together.");
+        w.comment("The mixture of all regions.");
         w.function(&format!("static void {p}_estimate_({p}_state *f)"), |w| {
             match self.by_state {
                 true => self.parts(w),

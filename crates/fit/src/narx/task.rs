@@ -43,7 +43,7 @@ pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Re
     let refuse = |what: &str, mend: String| Err(Error::conflict(format!("{what}: {mend}")));
     if recipe.states.values().any(|state| state.library.is_some() || !state.fixed.is_empty()) {
         return refuse(
-            "a state has a library or fixed terms of its own",
+            "a state has a separate library or fixed terms",
             format!(
                 "{FIT_NARX} has one library for all outputs ({LIBRARY_SECTION} functions, {LIBRARY}); or run {FIT_SINDY} with {given_predict}",
                 given_predict = PREDICT.to("next")
@@ -255,7 +255,7 @@ fn addend(function: &Expr, task: &EquationTask) -> Result<Addend, Error> {
         .is_ok_and(|program| program.leaves().iter().any(|leaf| leaf.lag() != 0));
     if several || !function.filters().is_empty() {
         return Err(Error::value(format!(
-            "{given_library}: {FIT_NARX} makes the lags itself; write functions of one row (y, u, y^2) and say how far back they go by {LAGS_OUT} and \
+            "{given_library}: {FIT_NARX} makes the lags itself; write functions of one row (y, u, y^2) and set the number of lags by {LAGS_OUT} and \
              {LAGS_IN}",
             given_library = LIBRARY.to(function)
         )));

@@ -122,7 +122,9 @@ impl Bounded {
     /// The greatest of the regions, as sentences behind their subject.
     pub fn in_words(self) -> String {
         let passive = self.passive_norm.map_or_else(String::new, |norm| {
-            format!(" At its ports they give at most {norm:.4} of what they may, with the storage of one step.")
+            format!(
+                " At its ports their energy gain is at most {norm:.4} of the allowed one, with the storage of one step."
+            )
         });
         format!(
             "contract by {} in the metric of one step: greatest radius {:.4}, greatest norm {:.4}.{passive}",

@@ -93,7 +93,7 @@ impl SindyOptions {
         let groups = groups(section, optimizer)?;
         if let (Some(value), false) = (threshold, optimizer.thresholds()) {
             return Err(Error::conflict(format!(
-                "{entry}: {} has no threshold; take stlsq or sr3, or say how many terms (`terms`)",
+                "{entry}: {} has no threshold; take stlsq or sr3, or set the number of terms (`terms`)",
                 optimizer.name(),
                 entry = SINDY.entry("threshold").is(value)
             )));
@@ -101,7 +101,7 @@ impl SindyOptions {
         let terms = section.terms;
         if let (Some(_), Some(count)) = (threshold, terms) {
             return Err(Error::conflict(format!(
-                "{SINDY} has both `threshold` and `terms = {count}`; each says how many terms an equation has, so remove one of them"
+                "{SINDY} has both `threshold` and `terms = {count}`; each sets the number of terms of an equation, so remove one of them"
             )));
         }
         if terms == Some(0) {

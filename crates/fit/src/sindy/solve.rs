@@ -270,7 +270,7 @@ impl<'a> Solver<'a> {
             Optimizer::Sr3(sr3) => Ok(Optimizer::Sr3(Sr3 { lambda: step.parameter, ..sr3 })),
             Optimizer::Frols(frols) => Ok(Optimizer::Frols(Frols { max_terms: step.terms().max(1), ..frols })),
             _ => Err(Error::conflict(format!(
-                "{entry}: the members of an ensemble are made by stlsq, sr3 or frols, not {}; take one of these, or leave the ensemble away",
+                "{entry}: the members of an ensemble are made by stlsq, sr3 or frols, not {}; take one of these, or remove the ensemble",
                 self.options.optimizer.name(),
                 entry = SINDY.entry("ensemble")
             ))),

@@ -63,7 +63,7 @@ impl StateSmoothing {
         let verdict = match self.written {
             true => "These equations are written: smoothed trajectories follow rows that did not train more closely.",
             false => {
-                "The equations without smoothing are written: smoothed trajectories of the others do not follow rows that did not train more closely."
+                "The equations without smoothing are written: the smoothed ones do not follow held-out rows more closely."
             }
         };
         format!(

@@ -15,7 +15,7 @@ pub enum InferenceError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// A support names a coefficient beyond the last.
-    #[error("coefficient {column} is asked for, there are {columns}")]
+    #[error("there is no coefficient {column}: there are {columns}, counted from 0")]
     NoSuchCoefficient {
         /// The coefficient.
         column: usize,

@@ -56,7 +56,7 @@ pub enum SelectError {
     #[error("there is no lambda to choose from: the list is empty, or the paths of the folds have no lambda in common")]
     NoLambdas,
     /// A task that does not exist.
-    #[error("task {task} is asked for, there are {tasks}")]
+    #[error("there is no task {task}: there are {tasks}, counted from 0")]
     NoSuchTask {
         /// Number of the requested task.
         task: usize,

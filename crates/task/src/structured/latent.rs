@@ -42,7 +42,7 @@ impl Latent {
         let place = LATENTS.entry(name).to_string();
         if name.trim().is_empty() {
             return Err(Error::missing(format!(
-                "{LATENTS}: a latent without a name; equations speak of it by its name"
+                "{LATENTS}: a latent has no name; give it one, so that equations can use it"
             )));
         }
         let functions = functions(section, latents, &place, aliases)?;

@@ -66,7 +66,7 @@ pub(super) fn without_latents(expression: &Expr, latents: &[String], place: &str
     match expression.columns().iter().find(|column| latents.iter().any(|latent| **latent == ***column)) {
         None => Ok(()),
         Some(name) => Err(Error::value(format!(
-            "{place}: `{expression}` speaks of the latent `{name}`; it is made of columns only (a field of this name needs another alias in {COLUMNS})"
+            "{place}: `{expression}` reads the latent `{name}`; it may read columns only (a field of this name needs another alias in {COLUMNS})"
         ))),
     }
 }

@@ -135,7 +135,7 @@ fn errors_name_the_place_and_the_remedy_in_recipes() {
         (with(f, "a = { target = \"V\", right = \"f + lag(f, 1)\" }"), vec!["`lag(f, 1)` is not linear"]),
         (with(f, "a = { target = \"V\", right = \"max(f, 0)\" }"), vec!["`max(f, 0)` is not linear"]),
         (with(f, "a = { target = \"V\", right = \"f - f\" }"), vec!["`f` cancels out"]),
-        (with(f, "a = { target = \"f\", right = \"f\" }"), vec!["[tasks] a target", "speaks of the latent `f`"]),
+        (with(f, "a = { target = \"f\", right = \"f\" }"), vec!["[tasks] a target", "reads the latent `f`"]),
         (with(f, "a = { target = \"1\", right = \"f\" }"), vec!["[tasks] a", "constant", "scale"]),
         (with(f, "a = { target = \"V\", right = \"f\", scale = -1.0 }"), vec!["[tasks] a scale = -1", "positive"]),
         (with("f = {}", "a = { target = \"V\", right = \"f\" }"), vec!["[latents] f", "no candidate"]),
