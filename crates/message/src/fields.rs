@@ -232,7 +232,7 @@ impl Inside {
     fn add_struct(&mut self, fields: &[(Arc<str>, Value)], depth: usize, growth: &mut Growth<'_>) {
         let names = keys::names(fields);
         for (place, (name, value)) in fields.iter().enumerate() {
-            let beside = names.filter(|(own, _)| *own != place).map(|(_, names)| names);
+            let beside = names.filter(|(place_named, _)| *place_named != place).map(|(_, names)| names);
             match self.field(place, name, growth) {
                 Some(node) => node.add(value, beside, depth + 1, growth),
                 None => *growth.ignored += 1,
@@ -262,12 +262,12 @@ impl Inside {
 
     /// The field of a name, which is mostly at the place where it is in the message.
     fn field(&mut self, place: usize, name: &Arc<str>, growth: &mut Growth<'_>) -> Option<&mut Node> {
-        let found = match self.fields.get(place) {
-            Some((own, _)) if own == name => Some(place),
-            _ if self.fields.len() <= FEW_FIELDS => self.fields.iter().position(|(own, _)| own == name),
+        let place_of_name = match self.fields.get(place) {
+            Some((field_name, _)) if field_name == name => Some(place),
+            _ if self.fields.len() <= FEW_FIELDS => self.fields.iter().position(|(field_name, _)| field_name == name),
             _ => self.places.get(name).copied(),
         };
-        let place = match found {
+        let place = match place_of_name {
             Some(place) => place,
             None if self.fields.len() < MAX_FIELDS && keys::nameable(name) && growth.grow() => {
                 self.places.insert(name.clone(), self.fields.len());
@@ -281,7 +281,7 @@ impl Inside {
 
     fn index(&mut self, index: usize, growth: &mut Growth<'_>) -> Option<&mut Node> {
         let place = match self.elements.get(index) {
-            Some((Element::Index(own), _)) if *own == index => index,
+            Some((Element::Index(known_index), _)) if *known_index == index => index,
             _ => match self.indices.get(&index) {
                 Some(&place) => place,
                 None if index < MAX_ELEMENTS && growth.grow() => {

@@ -112,9 +112,9 @@ fn element<'a>(array: &'a Value, around: Option<(&'a Value, &str)>, key: &str) -
     if keys::are_keyed(elements) {
         return elements.iter().rev().find(|element| keys::key(element) == Some(key));
     }
-    let (Value::Struct(fields), own) = around? else { return None };
+    let (Value::Struct(fields), key_of) = around? else { return None };
     let (place, names) = keys::names(fields)?;
-    if *fields[place].0 == *own {
+    if *fields[place].0 == *key_of {
         return None;
     }
     let place = names.iter().rposition(|name| matches!(name, Value::Text(text) if text == key))?;
@@ -183,7 +183,7 @@ impl Wanted {
 
     /// The child of a name, made when it is new.
     fn child(&mut self, name: &str) -> &mut Self {
-        let place = self.fields.iter().position(|(own, _)| &**own == name).unwrap_or_else(|| {
+        let place = self.fields.iter().position(|(field_name, _)| &**field_name == name).unwrap_or_else(|| {
             self.fields.push((Arc::from(name), Self::default()));
             self.fields.len() - 1
         });

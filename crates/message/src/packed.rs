@@ -88,8 +88,8 @@ impl Extract for Fields {
                 }
                 Leaf::TextAt(place) => {
                     let rest = message.get(target.at..).unwrap_or_default();
-                    if let Some(own) = texts(rest, target.at)?.get(*place) {
-                        row.set_text(slot, own);
+                    if let Some(text_there) = texts(rest, target.at)?.get(*place) {
+                        row.set_text(slot, text_there);
                     }
                 }
             }

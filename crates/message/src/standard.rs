@@ -38,9 +38,9 @@ pub fn complete_definition(name: &str, definition_of: &dyn Fn(&str) -> Option<St
         if !seen.insert(next.clone()) {
             continue;
         }
-        let own = find(&next).ok_or_else(|| next.clone())?;
-        wanted.extend(used(&next, &own));
-        text.push_str(&format!("\n{SEPARATOR}\nMSG: {}\n{own}", next.replacen("/msg/", "/", 1)));
+        let text_there = find(&next).ok_or_else(|| next.clone())?;
+        wanted.extend(used(&next, &text_there));
+        text.push_str(&format!("\n{SEPARATOR}\nMSG: {}\n{text_there}", next.replacen("/msg/", "/", 1)));
     }
     Ok(text)
 }
@@ -61,10 +61,10 @@ fn used(name: &str, definition: &str) -> Vec<String> {
         let kind = word.split(['[', '<']).next()?;
         let parts: Vec<&str> = kind.split('/').collect();
         match parts[..] {
-            [own] if PRIMITIVES.contains(&own) || own.is_empty() || own == "---" => None,
+            [word_there] if PRIMITIVES.contains(&word_there) || word_there.is_empty() || word_there == "---" => None,
             ["Header"] => Some("std_msgs/msg/Header".to_owned()),
-            [own] => Some(format!("{package}/msg/{own}")),
-            [package, own] | [package, "msg", own] => Some(format!("{package}/msg/{own}")),
+            [word_there] => Some(format!("{package}/msg/{word_there}")),
+            [package, word_there] | [package, "msg", word_there] => Some(format!("{package}/msg/{word_there}")),
             _ => None,
         }
     };
@@ -88,15 +88,16 @@ mod tests {
 
     #[test]
     fn types_of_others_are_joined_with_those_of_the_standard_packages() {
-        let own = |name: &str| match name {
+        let text_of = |name: &str| match name {
             "my_msgs/msg/State" => Some("# the state\nHeader header\nPart[2] parts # two\nfloat64<=3 x".to_owned()),
             "my_msgs/msg/Part" => {
                 Some("geometry_msgs/Vector3 v\nmissing_msgs/msg/Other[] others\nint32 N=3".to_owned())
             }
             _ => None,
         };
-        assert_eq!(complete_definition("my_msgs/msg/State", &own).unwrap_err(), "missing_msgs/msg/Other");
-        let whole = |name: &str| if name == "missing_msgs/msg/Other" { Some("bool b".to_owned()) } else { own(name) };
+        assert_eq!(complete_definition("my_msgs/msg/State", &text_of).unwrap_err(), "missing_msgs/msg/Other");
+        let whole =
+            |name: &str| if name == "missing_msgs/msg/Other" { Some("bool b".to_owned()) } else { text_of(name) };
         let text = complete_definition("my_msgs/msg/State", &whole).unwrap();
         for part in
             ["MSG: std_msgs/Header", "MSG: builtin_interfaces/Time", "MSG: my_msgs/Part", "MSG: geometry_msgs/Vector3"]

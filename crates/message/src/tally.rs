@@ -94,7 +94,10 @@ impl Tally {
     }
 
     fn add_text(&mut self, text: &str) {
-        if text.len() <= MAX_TEXT && self.texts.len() < MAX_TEXTS && !self.texts.iter().any(|own| own == text) {
+        if text.len() <= MAX_TEXT
+            && self.texts.len() < MAX_TEXTS
+            && !self.texts.iter().any(|known_text| known_text == text)
+        {
             self.texts.push(text.to_owned());
         }
     }

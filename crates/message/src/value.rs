@@ -33,7 +33,7 @@ impl Value {
     /// The field of a struct.
     pub fn field(&self, name: &str) -> Option<&Value> {
         match self {
-            Self::Struct(fields) => fields.iter().find(|(own, _)| &**own == name).map(|(_, value)| value),
+            Self::Struct(fields) => fields.iter().find(|(field_name, _)| &**field_name == name).map(|(_, value)| value),
             _ => None,
         }
     }

@@ -40,13 +40,13 @@ fn problem(message: &[u8], error: &serde_json::Error) -> DecodeError {
 fn without_non_finite(message: &[u8]) -> Option<Vec<u8>> {
     const NUMBERS: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
     let mut patched = Vec::with_capacity(message.len());
-    let mut found = false;
+    let mut non_finite = false;
     let mut in_text = false;
     let mut rest = message;
     while let Some((&byte, after)) = rest.split_first() {
         if let Some(after) = NUMBERS.iter().filter(|_| !in_text).find_map(|number| rest.strip_prefix(*number)) {
             patched.extend(b"null");
-            found = true;
+            non_finite = true;
             rest = after;
             continue;
         }
@@ -61,7 +61,7 @@ fn without_non_finite(message: &[u8]) -> Option<Vec<u8>> {
             _ => (),
         }
     }
-    found.then_some(patched)
+    non_finite.then_some(patched)
 }
 
 /// Shape and wanted parts of a value, before it is read.
@@ -175,8 +175,8 @@ impl<'de, 'a> Visitor<'de> for Name<'a> {
         Ok(match self.wanted {
             None => Some((Arc::from(name), None)),
             Some(wanted) => {
-                let found = wanted.fields.iter().find(|(own, _)| **own == *name);
-                found.map(|(own, part)| (own.clone(), Some(part)))
+                let field = wanted.fields.iter().find(|(field_name, _)| **field_name == *name);
+                field.map(|(field_name, part)| (field_name.clone(), Some(part)))
             }
         })
     }
@@ -192,16 +192,16 @@ struct Fields {
 
 impl Fields {
     fn set(&mut self, name: Arc<str>, value: Value) {
-        let found = if self.fields.len() <= FEW_FIELDS {
-            self.fields.iter().position(|(own, _)| *own == name)
+        let place_of_name = if self.fields.len() <= FEW_FIELDS {
+            self.fields.iter().position(|(field_name, _)| *field_name == name)
         } else {
             if self.places.is_empty() {
                 self.places = self.fields.iter().enumerate().map(|(place, (name, _))| (name.clone(), place)).collect();
             }
             self.places.get(&name).copied()
         };
-        match found.and_then(|place| self.fields.get_mut(place)) {
-            Some((_, own)) => *own = value,
+        match place_of_name.and_then(|place| self.fields.get_mut(place)) {
+            Some((_, slot)) => *slot = value,
             None => {
                 if self.fields.len() > FEW_FIELDS {
                     self.places.insert(name.clone(), self.fields.len());

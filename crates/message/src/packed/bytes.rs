@@ -154,9 +154,9 @@ pub(super) fn texts(bytes: &[u8], at: usize) -> Result<Vec<String>, DecodeError>
     // Each has four bytes at least, so that a count that lies takes no memory.
     let mut all = Vec::with_capacity(count.min(rest.len() / 4));
     for _ in 0..count {
-        let own = length(&mut rest).and_then(|length| rest.split_at_checked(length));
-        let (own, after) = own.ok_or_else(cut)?;
-        all.push(rest_text(own));
+        let text_bytes = length(&mut rest).and_then(|length| rest.split_at_checked(length));
+        let (text_bytes, after) = text_bytes.ok_or_else(cut)?;
+        all.push(rest_text(text_bytes));
         rest = after;
     }
     Ok(all)

@@ -111,8 +111,8 @@ impl Layout {
         for (place, step) in path.steps.iter().enumerate() {
             let next = match (step, shape) {
                 (Step::Field(name), None) | (Step::Field(name), Some(Shape::Struct(_))) => {
-                    if let Some(Shape::Struct(own)) = shape {
-                        layout = own;
+                    if let Some(Shape::Struct(struct_there)) = shape {
+                        layout = struct_there;
                     }
                     let part = layout.part(name).ok_or_else(|| {
                         let names = layout.parts.iter().map(|part| &*part.name);

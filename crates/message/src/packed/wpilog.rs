@@ -39,10 +39,12 @@ pub(crate) fn codec(name: &str, text: &[u8]) -> Result<Box<dyn Codec>, SchemaErr
         "string" => one(Shape::RestText),
         "string[]" => one(Shape::Texts),
         _ => {
-            let own = name.strip_prefix("struct:").ok_or_else(|| malformed("its type is not read".to_owned()))?;
-            let (own, many) = own.strip_suffix("[]").map_or((own, false), |element| (element, true));
+            let struct_name =
+                name.strip_prefix("struct:").ok_or_else(|| malformed("its type is not read".to_owned()))?;
+            let (struct_name, many) =
+                struct_name.strip_suffix("[]").map_or((struct_name, false), |element| (element, true));
             let mut structs = Structs { schemas: &schemas, known: HashMap::new(), parts: 0 };
-            let layout = structs.find(own, 0).map_err(malformed)?;
+            let layout = structs.find(struct_name, 0).map_err(malformed)?;
             if many { rest(Shape::Struct(layout)) } else { Arc::unwrap_or_clone(layout) }
         }
     };
@@ -89,17 +91,17 @@ impl<'a> Structs<'a> {
         let mut layout = Layout::default();
         let mut bits = Bits::default();
         for text in text.split(';') {
-            let Some(own) = declaration(text)? else { continue };
+            let Some(declared) = declaration(text)? else { continue };
             self.parts += 1;
             if self.parts > MAX_PARTS {
                 return Err("its structs have too many fields".to_owned());
             }
-            match own.width {
-                Some(width) => bits.push(&mut layout, &own, width)?,
+            match declared.width {
+                Some(width) => bits.push(&mut layout, &declared, width)?,
                 None => {
                     bits.close(&mut layout);
-                    let shape = self.shape(&own, depth)?;
-                    layout.push(own.name, shape, None);
+                    let shape = self.shape(&declared, depth)?;
+                    layout.push(declared.name, shape, None);
                 }
             }
         }
@@ -112,15 +114,15 @@ impl<'a> Structs<'a> {
         Ok(layout)
     }
 
-    fn shape(&mut self, own: &Declaration<'_>, depth: usize) -> Result<Shape, String> {
-        if own.kind == "char" {
-            return Ok(Shape::Text(own.count.unwrap_or(1)));
+    fn shape(&mut self, declared: &Declaration<'_>, depth: usize) -> Result<Shape, String> {
+        if declared.kind == "char" {
+            return Ok(Shape::Text(declared.count.unwrap_or(1)));
         }
-        let one = match primitive(own.kind) {
+        let one = match primitive(declared.kind) {
             Some(kind) => Shape::Number(Number::plain(kind)),
-            None => Shape::Struct(self.find(own.kind, depth + 1)?),
+            None => Shape::Struct(self.find(declared.kind, depth + 1)?),
         };
-        Ok(match own.count {
+        Ok(match declared.count {
             Some(count) => Shape::Array(Box::new(one), count),
             None => one,
         })
@@ -136,8 +138,8 @@ struct Bits {
 }
 
 impl Bits {
-    fn push(&mut self, layout: &mut Layout, own: &Declaration<'_>, width: u32) -> Result<(), String> {
-        let (size, of) = match primitive(own.kind) {
+    fn push(&mut self, layout: &mut Layout, declared: &Declaration<'_>, width: u32) -> Result<(), String> {
+        let (size, of) = match primitive(declared.kind) {
             Some(Kind::Bool) => (1, BitKind::Bool),
             Some(kind @ (Kind::I8 | Kind::I16 | Kind::I32 | Kind::I64)) => {
                 (Number::plain(kind).size(), BitKind::Signed)
@@ -145,10 +147,10 @@ impl Bits {
             Some(kind @ (Kind::U8 | Kind::U16 | Kind::U32 | Kind::U64)) => {
                 (Number::plain(kind).size(), BitKind::Unsigned)
             }
-            _ => return Err(format!("`{}` has bits of a type that has none", own.name)),
+            _ => return Err(format!("`{}` has bits of a type that has none", declared.name)),
         };
         if width == 0 || width as usize > 8 * size || (of == BitKind::Bool && width != 1) {
-            return Err(format!("`{}` has {width} bits, which its type does not hold", own.name));
+            return Err(format!("`{}` has {width} bits, which its type does not hold", declared.name));
         }
         // A truth value goes into whatever number is under way.
         let fits = |bytes: usize| (self.shift + width) as usize <= 8 * bytes;
@@ -159,7 +161,7 @@ impl Bits {
         }
         let kind = Kind::Bits { bytes: self.bytes, shift: self.shift, width, of };
         let shape = Shape::Number(Number::plain(kind));
-        layout.parts.push(Part { name: own.name.into(), at: layout.size, shape, unit: None });
+        layout.parts.push(Part { name: declared.name.into(), at: layout.size, shape, unit: None });
         self.shift += width;
         Ok(())
     }

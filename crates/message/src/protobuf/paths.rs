@@ -32,18 +32,20 @@ pub(super) fn check(types: &[MessageType], path: &FieldPath) -> Result<(), Schem
             (!steps.is_empty()).then(|| FieldPath { steps }.to_string())
         };
         place = match (place, step) {
-            (Place::Message(own), Step::Field(name)) => match own.field(name) {
-                Some(field) if field.is_list => Place::List(field, own),
+            (Place::Message(message_type), Step::Field(name)) => match message_type.field(name) {
+                Some(field) if field.is_list => Place::List(field, message_type),
                 Some(field) => single(types, field),
                 None => {
-                    let names = own.fields.iter().map(|field| &*field.name);
+                    let names = message_type.fields.iter().map(|field| &*field.name);
                     return Err(missing(
                         nearest_one(name, names).and_then(|name| until(Some(Step::Field(name.into())))),
                     ));
                 }
             },
             (Place::List(field, _), Step::Index(_)) => single(types, field),
-            (Place::List(field, own), Step::Key(_)) if is_keyed(types, field, own) => single(types, field),
+            (Place::List(field, message_type), Step::Key(_)) if is_keyed(types, field, message_type) => {
+                single(types, field)
+            }
             (Place::List(..), Step::Key(_)) => return Err(missing(until(Some(Step::Index(0))))),
             (Place::Bytes, Step::Index(_)) => Place::Value,
             _ => return Err(missing(until(None))),
@@ -51,7 +53,7 @@ pub(super) fn check(types: &[MessageType], path: &FieldPath) -> Result<(), Schem
     }
     let kind = match place {
         Place::Value => return Ok(()),
-        Place::Message(own) => format!("a message `{}`", own.name),
+        Place::Message(message_type) => format!("a message `{}`", message_type.name),
         Place::List(..) => "an array".to_owned(),
         Place::Bytes => "an array of bytes".to_owned(),
     };
@@ -70,8 +72,9 @@ fn single<'a>(types: &'a [MessageType], field: &FieldType) -> Place<'a> {
 /// Returns true if the elements of a repeated field have names: texts inside them, or an array of texts beside.
 fn is_keyed(types: &[MessageType], field: &FieldType, around: &MessageType) -> bool {
     let is_key = |key: &FieldType| key.form == Form::Text && !key.is_list;
-    let has_key = |own: &MessageType| KEY_FIELDS.iter().filter_map(|name| own.field(name)).any(is_key);
-    if matches!(single(types, field), Place::Message(own) if has_key(own)) {
+    let has_key =
+        |message_type: &MessageType| KEY_FIELDS.iter().filter_map(|name| message_type.field(name)).any(is_key);
+    if matches!(single(types, field), Place::Message(message_type) if has_key(message_type)) {
         return true;
     }
     let mut names = NAME_ARRAYS

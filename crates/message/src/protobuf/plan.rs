@@ -71,12 +71,12 @@ impl MessagePlan {
 
     /// The place of a field; `guess` is where it would be when fields come in order.
     pub(super) fn place(&self, number: u32, guess: usize) -> Option<usize> {
-        if let Some(&(own, place)) = self.numbers.get(guess)
-            && own == number
+        if let Some(&(numbered, place)) = self.numbers.get(guess)
+            && numbered == number
         {
             return Some(place);
         }
-        self.numbers.binary_search_by_key(&number, |(number, _)| *number).ok().map(|found| self.numbers[found].1)
+        self.numbers.binary_search_by_key(&number, |(number, _)| *number).ok().map(|at| self.numbers[at].1)
     }
 }
 
@@ -95,7 +95,8 @@ impl Plan {
         let mut planner = Planner { todo: vec![(0, wanted)], known: HashMap::from([(0, 0)]) };
         let mut messages = Vec::new();
         while let Some(&(place, wanted)) = planner.todo.get(messages.len()) {
-            messages.push(types.get(place).map(|own| planner.message(own, wanted)).unwrap_or_default());
+            messages
+                .push(types.get(place).map(|message_type| planner.message(message_type, wanted)).unwrap_or_default());
         }
         Self { messages }
     }
@@ -109,9 +110,9 @@ struct Planner<'a> {
 }
 
 impl<'a> Planner<'a> {
-    fn message(&mut self, own: &MessageType, wanted: Option<&'a Wanted>) -> MessagePlan {
+    fn message(&mut self, message_type: &MessageType, wanted: Option<&'a Wanted>) -> MessagePlan {
         let mut plan = MessagePlan::default();
-        for field in &own.fields {
+        for field in &message_type.fields {
             let part = match wanted {
                 None => None,
                 Some(wanted) => match wanted.fields.iter().find(|(name, _)| *name == field.name) {
@@ -130,7 +131,7 @@ impl<'a> Planner<'a> {
             });
         }
         // Members of oneofs that have wanted ones clear these, also where nobody wants them.
-        for field in own.fields.iter().filter(|field| field.oneof.is_some()) {
+        for field in message_type.fields.iter().filter(|field| field.oneof.is_some()) {
             let has = |has: &dyn Fn(&FieldPlan) -> bool| plan.fields.iter().any(has);
             if has(&|other| other.oneof == field.oneof) && !has(&|other| other.name == field.name) {
                 plan.push(FieldPlan::unwanted(field));
@@ -142,15 +143,15 @@ impl<'a> Planner<'a> {
 
     /// Form of a field; `None` for a message that is wanted as if it were a number.
     fn form(&mut self, field: &FieldType, part: Option<&'a Wanted>) -> Option<Form> {
-        let Form::Message(own) = field.form else { return Some(field.form) };
+        let Form::Message(message_index) = field.form else { return Some(field.form) };
         let next = self.todo.len();
         let place = match part {
             Some(part) if part.fields.is_empty() => return None,
             Some(_) => next,
-            None => *self.known.entry(own).or_insert(next),
+            None => *self.known.entry(message_index).or_insert(next),
         };
         if place == next {
-            self.todo.push((own, part));
+            self.todo.push((message_index, part));
         }
         Some(Form::Message(place))
     }

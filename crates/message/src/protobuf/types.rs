@@ -118,8 +118,10 @@ pub(super) fn resolve(set: &FileDescriptorSet, root: &str) -> Result<Vec<Message
         definitions.add(file.package(), file.syntax(), &file.message_type, &file.enum_type);
     }
     if !definitions.messages.contains_key(root) {
-        let mut known =
-            set.file.iter().flat_map(|file| file.message_type.iter().map(|own| join(file.package(), own.name())));
+        let mut known = set
+            .file
+            .iter()
+            .flat_map(|file| file.message_type.iter().map(|message_type| join(file.package(), message_type.name())));
         return Err(match known.next() {
             Some(first) => format!("its FileDescriptorSet does not define it; the first type there is `{first}`"),
             None => "its FileDescriptorSet defines no messages".to_owned(),
@@ -159,13 +161,13 @@ impl<'a> Definitions<'a> {
     ) {
         let mut todo = vec![(package.to_owned(), messages, enums)];
         while let Some((scope, messages, enums)) = todo.pop() {
-            for own in enums {
-                self.enums.insert(join(&scope, own.name()), own);
+            for enum_type in enums {
+                self.enums.insert(join(&scope, enum_type.name()), enum_type);
             }
-            for own in messages {
-                let name = join(&scope, own.name());
-                todo.push((name.clone(), &own.nested_type, &own.enum_type));
-                self.messages.insert(name, (own, syntax));
+            for message_type in messages {
+                let name = join(&scope, message_type.name());
+                todo.push((name.clone(), &message_type.nested_type, &message_type.enum_type));
+                self.messages.insert(name, (message_type, syntax));
             }
         }
     }
@@ -259,12 +261,12 @@ impl Resolver<'_> {
 
     fn named(&mut self, message: &str, field: &FieldDescriptorProto) -> Result<(Form, Option<Value>), String> {
         let wanted = field.type_name();
-        let found = self.definitions.find(message, wanted);
-        let full = found.ok_or_else(|| {
+        let definition_name = self.definitions.find(message, wanted);
+        let full = definition_name.ok_or_else(|| {
             format!("its FileDescriptorSet does not define `{wanted}`, which `{message}.{}` uses", field.name())
         })?;
-        if let Some(own) = self.definitions.enums.get(&full) {
-            return Ok((Form::Int32, own.value.first().map(|first| Value::Int(first.number().into()))));
+        if let Some(enum_type) = self.definitions.enums.get(&full) {
+            return Ok((Form::Int32, enum_type.value.first().map(|first| Value::Int(first.number().into()))));
         }
         let next = self.places.len();
         let place = *self.places.entry(full.clone()).or_insert(next);

@@ -30,12 +30,12 @@ pub(super) fn compile(schema: &Schema, wanted: &Wanted, wire: Wire, sizes: &Size
 /// Operations that skipping a struct would take at the most, by its index.
 fn leaves(schema: &Schema) -> Vec<usize> {
     let mut leaves: Vec<usize> = Vec::with_capacity(schema.structs.len());
-    for own in &schema.structs {
+    for struct_type in &schema.structs {
         let of = |kind: &Type| match kind {
             Type::Struct(index) => leaves.get(*index).copied().unwrap_or(0),
             _ => 1,
         };
-        let sum = own.fields.iter().map(|field| of(&field.kind)).fold(0, usize::saturating_add);
+        let sum = struct_type.fields.iter().map(|field| of(&field.kind)).fold(0, usize::saturating_add);
         leaves.push(sum);
     }
     leaves
@@ -91,8 +91,8 @@ impl Compiler<'_> {
 
     /// Skips the fields of a struct, of which one may be the name of the element that the struct is.
     fn skip_fields(&self, block: &mut Block, index: usize, key: Option<usize>) {
-        let Some(own) = self.schema.structs.get(index) else { return };
-        for (place, field) in own.fields.iter().enumerate() {
+        let Some(struct_type) = self.schema.structs.get(index) else { return };
+        for (place, field) in struct_type.fields.iter().enumerate() {
             if key == Some(place) {
                 self.key(block, &field.kind);
             } else if field.optional {
@@ -172,14 +172,14 @@ impl Compiler<'_> {
 
     /// Loads fields of a struct; in a part with a length, fields at its end may be missing.
     fn load_fields(&self, block: &mut Block, index: usize, want: &Want, in_part: bool, to_end: bool) {
-        let Some(own) = self.schema.structs.get(index) else { return };
+        let Some(struct_type) = self.schema.structs.get(index) else { return };
         let first = want.fields.keys().next().copied().unwrap_or(0);
         let names = want.names.as_ref();
         // Names that stand behind a field that is keyed by them, or that are wanted themselves, are read beforehand.
         let ahead = names.filter(|names| names.field >= first);
         if let Some(names) = ahead {
             let mut inside = block.fork();
-            for field in own.fields.iter().take(names.field) {
+            for field in struct_type.fields.iter().take(names.field) {
                 self.field(&mut inside, in_part, field.optional, |block| self.skip(block, &field.kind));
             }
             self.names(&mut inside, names, in_part);
@@ -187,7 +187,7 @@ impl Compiler<'_> {
         }
         let inline = names.filter(|names| names.field < first);
         let last = want.fields.keys().next_back().copied();
-        for (place, field) in own.fields.iter().enumerate() {
+        for (place, field) in struct_type.fields.iter().enumerate() {
             let is_last = last.is_none_or(|last| place >= last);
             if !to_end && last.is_none_or(|last| place > last) {
                 break;
@@ -303,8 +303,8 @@ impl Compiler<'_> {
             (Type::Struct(index), _) if key(*index).is_some() => {
                 if self.wire.struct_header(self.schema, *index) {
                     let mut inside = self.anywhere();
-                    let (key, own) = (key(*index).unwrap_or(0), &self.schema.structs[*index]);
-                    for (place, field) in own.fields.iter().enumerate().take(key + 1) {
+                    let (key, struct_type) = (key(*index).unwrap_or(0), &self.schema.structs[*index]);
+                    for (place, field) in struct_type.fields.iter().enumerate().take(key + 1) {
                         self.field(&mut inside, true, field.optional, |block| match place == key {
                             true => self.key(block, &field.kind),
                             false => self.skip(block, &field.kind),

@@ -94,7 +94,7 @@ impl<'a> Parser<'a> {
 
     fn expect(&mut self, sign: char) -> Result<(), String> {
         match self.next() {
-            Some(TokenKind::Sign(found)) if found == sign => Ok(()),
+            Some(TokenKind::Sign(sign_there)) if sign_there == sign => Ok(()),
             _ => self.error(format_args!("`{sign}` is missing")),
         }
     }
@@ -226,7 +226,7 @@ impl<'a> Parser<'a> {
     fn skip_until(&mut self, sign: char) -> Result<(), String> {
         loop {
             match self.next() {
-                Some(TokenKind::Sign(found)) if found == sign => return Ok(()),
+                Some(TokenKind::Sign(sign_there)) if sign_there == sign => return Ok(()),
                 Some(_) => {}
                 None => return self.error(format_args!("`{sign}` is missing")),
             }

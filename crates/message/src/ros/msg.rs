@@ -157,11 +157,12 @@ impl Definitions {
                 self.known(package, name).unwrap_or_else(|| Kind::Missing(format!("{package}/{name}")))
             }
             Parsed::Complex(ComplexType::Relative { name }) => {
-                let found = self.known(package, name);
-                let found = found.or_else(|| if name == "Header" { self.known("std_msgs", name) } else { None });
-                let found = found.or_else(|| self.primitive_time(name));
-                let found = found.or_else(|| self.short.get(name).copied().map(Kind::Struct));
-                found.unwrap_or_else(|| {
+                let known_kind = self.known(package, name);
+                let known_kind =
+                    known_kind.or_else(|| if name == "Header" { self.known("std_msgs", name) } else { None });
+                let known_kind = known_kind.or_else(|| self.primitive_time(name));
+                let known_kind = known_kind.or_else(|| self.short.get(name).copied().map(Kind::Struct));
+                known_kind.unwrap_or_else(|| {
                     Kind::Missing(if package.is_empty() { name.clone() } else { format!("{package}/{name}") })
                 })
             }

@@ -154,13 +154,13 @@ impl Keys {
     pub(super) fn find(&self, key: &[u8]) -> Option<usize> {
         let place = match self.search(key) {
             Err(_) if self.lossy => self.search(String::from_utf8_lossy(key).as_bytes()),
-            found => found,
+            outcome => outcome,
         };
         self.sorted.get(place.ok()?).map(|&(_, value)| value)
     }
 
     #[inline]
     fn search(&self, key: &[u8]) -> Result<usize, usize> {
-        self.sorted.binary_search_by(|(own, _)| (**own).cmp(key))
+        self.sorted.binary_search_by(|(known_key, _)| (**known_key).cmp(key))
     }
 }

@@ -92,11 +92,11 @@ impl<'a, const BIG: bool> Reader<'a, BIG> {
 
     fn structure(&mut self, index: usize) -> Result<Value, DecodeError> {
         let schema = self.schema;
-        let Some(own) = schema.structs.get(index) else { return self.error("its type is not in the schema") };
+        let Some(struct_type) = schema.structs.get(index) else { return self.error("its type is not in the schema") };
         let header = self.wire.struct_header(schema, index);
         let outer = if header { self.enter()? } else { self.end };
-        let mut fields = Vec::with_capacity(own.fields.len());
-        for field in &own.fields {
+        let mut fields = Vec::with_capacity(struct_type.fields.len());
+        for field in &struct_type.fields {
             // A writer with an older, shorter definition ends early.
             let is_cut = header && self.place == self.end;
             let value =
@@ -164,7 +164,9 @@ impl<'a, const BIG: bool> Reader<'a, BIG> {
             return Ok(Value::Long(count));
         }
         let cost = match element {
-            Type::Struct(index) => 1 + self.schema.structs.get(*index).map_or(0, |own| own.fields.len()),
+            Type::Struct(index) => {
+                1 + self.schema.structs.get(*index).map_or(0, |struct_type| struct_type.fields.len())
+            }
             _ => 1,
         };
         if let Some(budget) = self.budget.checked_sub(count.saturating_mul(cost)) {

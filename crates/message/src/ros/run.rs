@@ -308,8 +308,8 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
     }
 
     /// Decodes an element that starts at this place.
-    fn pick(&mut self, own: &'a Elements, pick: usize, start: usize) -> Result<(), Fault> {
-        let Some(pick) = own.picks.get(pick) else { return Ok(()) };
+    fn pick(&mut self, elements: &'a Elements, pick: usize, start: usize) -> Result<(), Fault> {
+        let Some(pick) = elements.picks.get(pick) else { return Ok(()) };
         // An earlier element of the same name does not shine through.
         for &slot in &pick.written.slots {
             if let Some(value) = self.row.values.get_mut(slot) {
@@ -333,8 +333,8 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
         self.ops(&pick.ops)
     }
 
-    fn names(&mut self, own: &Names) -> Result<(), Fault> {
-        for (register, _) in &own.wanted {
+    fn names(&mut self, name_list: &Names) -> Result<(), Fault> {
+        for (register, _) in &name_list.wanted {
             if let Some(place) = self.registers.get_mut(*register) {
                 *place = ABSENT;
             }
@@ -345,7 +345,8 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
         }
         for index in 0..count {
             let name = self.narrow()?;
-            let Some((register, groups)) = own.keys.find(name).and_then(|place| own.wanted.get(place)) else {
+            let Some((register, groups)) = name_list.keys.find(name).and_then(|place| name_list.wanted.get(place))
+            else {
                 continue;
             };
             if let Some(place) = self.registers.get_mut(*register) {

@@ -32,14 +32,14 @@ pub struct UlogLayout {
 pub fn ulog_layout(name: &str, definitions: &str) -> Result<UlogLayout, SchemaError> {
     let malformed =
         |problem: String| SchemaError::Malformed { encoding: "ulog".to_owned(), name: name.to_owned(), problem };
-    let (own, padding) = definitions_of(name, definitions).map_err(malformed)?;
-    let schema = link(&own, 0).map_err(malformed)?;
+    let (definitions_used, padding) = definitions_of(name, definitions).map_err(malformed)?;
+    let schema = link(&definitions_used, 0).map_err(malformed)?;
     let mut sizes: Vec<usize> = Vec::with_capacity(schema.structs.len());
     let mut timestamp = None;
     // A struct stands behind those that it uses, so that their sizes are known.
-    for (index, own) in schema.structs.iter().enumerate() {
+    for (index, struct_type) in schema.structs.iter().enumerate() {
         let mut at = 0_usize;
-        for field in &own.fields {
+        for field in &struct_type.fields {
             if index == schema.root && *field.name == *TIMESTAMP {
                 timestamp = Some((at, field.kind.clone()));
             }
@@ -83,9 +83,9 @@ fn size(kind: &Type, structs: &[usize]) -> usize {
 /// All definitions, that of the message first, without the padding at its end; and the bytes of that padding.
 fn definitions_of(name: &str, text: &str) -> Result<(Vec<Definition>, usize), String> {
     let mut lines: Vec<(&str, &str)> = text.lines().filter_map(|line| line.split_once(':')).collect();
-    let own = lines.iter().position(|(other, _)| *other == name);
-    let own = own.ok_or_else(|| format!("the definition of `{name}` is missing"))?;
-    lines.swap(0, own);
+    let place_of_name = lines.iter().position(|(other, _)| *other == name);
+    let place_of_name = place_of_name.ok_or_else(|| format!("the definition of `{name}` is missing"))?;
+    lines.swap(0, place_of_name);
     let places: HashMap<&str, usize> =
         lines.iter().enumerate().rev().map(|(place, (name, _))| (*name, place)).collect();
     let definition = |(name, fields): &(&str, &str)| {
@@ -95,16 +95,16 @@ fn definitions_of(name: &str, text: &str) -> Result<(Vec<Definition>, usize), St
     };
     let mut definitions: Vec<Definition> = lines.iter().map(definition).collect::<Result<_, _>>()?;
     let mut padding = 0_usize;
-    if let Some(own) = definitions.first_mut() {
-        while let Some(Kind::Known(Type::Padding(size))) = own.fields.last().map(|field| &field.kind) {
+    if let Some(first) = definitions.first_mut() {
+        while let Some(Kind::Known(Type::Padding(size))) = first.fields.last().map(|field| &field.kind) {
             padding = padding.saturating_add(*size);
-            own.fields.pop();
+            first.fields.pop();
         }
     }
     let rest = |member: &Member| matches!(member.kind, Kind::Known(Type::PlainText { size: None }));
-    let ends = |(place, own): (usize, &Definition)| {
-        let count = own.fields.iter().filter(|member| rest(member)).count();
-        count == 0 || (place == 0 && count == 1 && own.fields.last().is_some_and(rest))
+    let ends = |(place, definition): (usize, &Definition)| {
+        let count = definition.fields.iter().filter(|member| rest(member)).count();
+        count == 0 || (place == 0 && count == 1 && definition.fields.last().is_some_and(rest))
     };
     match definitions.iter().enumerate().all(ends) {
         true => Ok((definitions, padding)),

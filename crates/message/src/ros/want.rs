@@ -89,19 +89,19 @@ pub(super) fn resolve(schema: &Schema, fields: &[FieldPath]) -> Result<Wanted, S
     let resolved: Vec<Resolved> = fields.iter().map(|field| path(schema, field)).collect::<Result<_, _>>()?;
     let mut wanted = Wanted { root: Want::default(), groups: Vec::new(), slots: fields.len(), registers: 0 };
     let mut groups: HashMap<&[Move], usize> = HashMap::new();
-    for (slot, (own, field)) in resolved.iter().zip(fields).enumerate() {
-        let key = own.moves.get(..own.key.0).unwrap_or_default();
+    for (slot, (resolved_field, field)) in resolved.iter().zip(fields).enumerate() {
+        let key = resolved_field.moves.get(..first_name.key.0).unwrap_or_default();
         let count = wanted.groups.len();
         let group = *groups.entry(key).or_insert(count);
         if group == count {
-            let steps = field.steps.get(..own.key.1).unwrap_or_default().to_vec();
+            let steps = field.steps.get(..first_name.key.1).unwrap_or_default().to_vec();
             let key = (!steps.is_empty()).then_some(FieldPath { steps });
             wanted.groups.push(Group { key, slots: Vec::new() });
         }
         if let Some(group) = wanted.groups.get_mut(group) {
             group.slots.push(slot);
         }
-        wanted.add(schema, own, |want| want.slots.push(slot), Some(group));
+        wanted.add(schema, resolved_field, |want| want.slots.push(slot), Some(group));
     }
     for (key, &group) in &groups {
         let Some((seconds, nanoseconds)) = stamp(schema, key) else { continue };
@@ -161,7 +161,7 @@ impl Want {
 
     fn register(&mut self, field: usize, key: &str, group: Option<usize>, registers: &mut usize) -> usize {
         let names = self.names.get_or_insert_with(|| Names { field, wanted: Vec::new() });
-        if let Some((_, register, known)) = names.wanted.iter_mut().find(|(own, ..)| own == key) {
+        if let Some((_, register, known)) = names.wanted.iter_mut().find(|(known_key, ..)| known_key == key) {
             if let Some(group) = group.filter(|group| !known.contains(group)) {
                 known.push(group);
             }
@@ -186,19 +186,20 @@ fn field_type(schema: &Schema, at: Option<usize>, field: usize) -> Option<&Type>
 }
 
 /// The array of names of a struct.
-pub(super) fn names_field(own: &StructType) -> Option<usize> {
+pub(super) fn names_field(struct_type: &StructType) -> Option<usize> {
     let is_names = |kind: &Type| match kind {
         Type::Array { element, length: Length::Sequence(_) } => **element == Type::Text { wide: false },
         _ => false,
     };
-    let find = |wanted: &&str| own.fields.iter().position(|field| *field.name == **wanted && is_names(&field.kind));
+    let find =
+        |wanted: &&str| struct_type.fields.iter().position(|field| *field.name == **wanted && is_names(&field.kind));
     NAME_ARRAYS.iter().find_map(find)
 }
 
 /// The text that names a struct as an element of an array.
-pub(super) fn key_field(own: &StructType) -> Option<usize> {
+pub(super) fn key_field(struct_type: &StructType) -> Option<usize> {
     let find = |wanted: &&str| {
-        own.fields.iter().position(|field| {
+        struct_type.fields.iter().position(|field| {
             *field.name == **wanted
                 && matches!(field.kind, Type::Text { wide: false } | Type::PlainText { .. })
                 && !field.optional
@@ -220,18 +221,18 @@ fn path(schema: &Schema, path: &FieldPath) -> Result<Resolved, SchemaError> {
         let before = || FieldPath { steps: path.steps.get(..place).unwrap_or_default().to_vec() };
         match (step, kind) {
             (Step::Field(name), Type::Struct(index)) => {
-                let own = schema.structs.get(*index).ok_or_else(|| missing(None))?;
-                let found = own.fields.iter().position(|field| field.name == *name);
-                let found = found.ok_or_else(|| {
-                    missing(nearest_one(name, own.fields.iter().map(|field| &*field.name)).map(|name| {
+                let struct_type = schema.structs.get(*index).ok_or_else(|| missing(None))?;
+                let field_place = struct_type.fields.iter().position(|field| field.name == *name);
+                let field_place = field_place.ok_or_else(|| {
+                    missing(nearest_one(name, struct_type.fields.iter().map(|field| &*field.name)).map(|name| {
                         let mut near = before();
                         near.steps.push(Step::Field(name.into()));
                         near.to_string()
                     }))
                 })?;
-                moves.push(Move::Field(found));
-                owner = Some(own);
-                kind = &own.fields[found].kind;
+                moves.push(Move::Field(field_place));
+                owner = Some(struct_type);
+                kind = &struct_type.fields[field_place].kind;
                 continue;
             }
             (Step::Index(index), Type::Array { length: Length::Fixed(count), .. }) if index >= count => {
@@ -275,7 +276,9 @@ fn path(schema: &Schema, path: &FieldPath) -> Result<Resolved, SchemaError> {
         Type::Scalar(Scalar::LongDouble) => "a number of 16 bytes, which cannot be read".to_owned(),
         Type::Scalar(_) | Type::Text { .. } | Type::PlainText { .. } => return Ok(Resolved { moves, key }),
         Type::Padding(_) => "padding".to_owned(),
-        Type::Struct(index) => format!("a struct `{}`", schema.structs.get(*index).map_or("", |own| &own.name)),
+        Type::Struct(index) => {
+            format!("a struct `{}`", schema.structs.get(*index).map_or("", |struct_type| &struct_type.name))
+        }
         Type::Array { .. } => "an array".to_owned(),
     };
     Err(SchemaError::NotAValue { path: path.to_string(), kind })
@@ -317,9 +320,9 @@ fn stamp(schema: &Schema, moves: &[Move]) -> Option<(Vec<Move>, Vec<Move>)> {
 /// The way to a struct's stamp, and in it the fields of seconds and nanoseconds.
 fn stamp_of(schema: &Schema, index: usize) -> Option<(Vec<usize>, usize, usize)> {
     let field = |index: usize, name: &str| {
-        let own = schema.structs.get(index)?;
-        let place = own.fields.iter().position(|field| *field.name == *name && !field.optional)?;
-        Some((place, &own.fields.get(place)?.kind))
+        let struct_type = schema.structs.get(index)?;
+        let place = struct_type.fields.iter().position(|field| *field.name == *name && !field.optional)?;
+        Some((place, &struct_type.fields.get(place)?.kind))
     };
     let number = |index: usize, names: &[&str]| {
         names.iter().find_map(|name| match field(index, name)? {

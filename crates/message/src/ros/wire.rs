@@ -53,7 +53,7 @@ impl Wire {
     /// A type without stated extensibility follows the message's header. A writer that marks a message plain though its
     /// type is appendable does not support extensibility, and writes no lengths anywhere.
     pub(super) fn struct_header(self, schema: &Schema, index: usize) -> bool {
-        let extensibility = |index: usize| schema.structs.get(index).and_then(|own| own.extensibility);
+        let extensibility = |index: usize| schema.structs.get(index).and_then(|struct_type| struct_type.extensibility);
         match self {
             Self::Ros1 | Self::Xcdr1 => false,
             Self::Plain2 => {
@@ -114,8 +114,9 @@ impl Sizes {
     pub(super) fn new(schema: &Schema, wire: Wire) -> Self {
         let mut sizes = Self { least: Vec::with_capacity(schema.structs.len()) };
         // A struct stands behind those that it uses, so that their sizes are known.
-        for (index, own) in schema.structs.iter().enumerate() {
-            let fields = own.fields.iter().map(|field| if field.optional { 1 } else { sizes.least(&field.kind) });
+        for (index, struct_type) in schema.structs.iter().enumerate() {
+            let fields =
+                struct_type.fields.iter().map(|field| if field.optional { 1 } else { sizes.least(&field.kind) });
             let sum = fields.fold(0, usize::saturating_add);
             sizes.least.push(if wire.struct_header(schema, index) { 4 } else { sum });
         }

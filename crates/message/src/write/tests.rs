@@ -113,9 +113,9 @@ fn read_back<M: Message>(message: &M) -> Vec<(String, Leaf)> {
 }
 
 fn expect<M: Message>(message: &M, expected: &[(&str, Leaf)]) {
-    let found = read_back(message);
+    let message_read = read_back(message);
     let expected: Vec<_> = expected.iter().map(|(path, leaf)| ((*path).to_owned(), leaf.clone())).collect();
-    assert_eq!(found, expected, "{}", M::NAME);
+    assert_eq!(message_read, expected, "{}", M::NAME);
 }
 
 /// Consecutive numbers, so that a field in the wrong place shows.
@@ -162,7 +162,7 @@ fn arrays_with_and_without_dimensions() {
         MultiArrayDimension { label: "of", size: 3, stride: 3 },
     ];
     let data: [f64; 6] = from(0);
-    let found = read_back(&Float64MultiArray { dim: &dim, data_offset: 7, data: &data });
+    let message_read = read_back(&Float64MultiArray { dim: &dim, data_offset: 7, data: &data });
     let mut expected = vec![
         ("layout.dim[0].label".to_owned(), text("rows")),
         ("layout.dim[0].size".to_owned(), number(2)),
@@ -173,7 +173,7 @@ fn arrays_with_and_without_dimensions() {
         ("layout.data_offset".to_owned(), number(7)),
     ];
     expected.extend(list("data", 0, 6));
-    assert_eq!(found, expected);
+    assert_eq!(message_read, expected);
 }
 
 #[test]

@@ -88,14 +88,14 @@ impl Encoder<'_> {
                 }
             }
             (Type::Struct(index), Value::Struct(fields)) => {
-                let own = &self.schema.structs[*index];
+                let struct_type = &self.schema.structs[*index];
                 let header = match self.wire {
-                    Wire::Delimited2 => own.extensibility != Some(Extensibility::Final),
-                    Wire::Plain2 => own.extensibility == Some(Extensibility::Appendable),
+                    Wire::Delimited2 => struct_type.extensibility != Some(Extensibility::Final),
+                    Wire::Plain2 => struct_type.extensibility == Some(Extensibility::Appendable),
                     _ => false,
                 };
                 self.part(header, |out| {
-                    for (field, (_, value)) in own.fields.iter().zip(fields) {
+                    for (field, (_, value)) in struct_type.fields.iter().zip(fields) {
                         if field.optional {
                             out.bytes.push(u8::from(*value != Value::Null));
                         }

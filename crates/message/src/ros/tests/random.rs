@@ -52,10 +52,10 @@ pub(super) fn schema(random: &mut Random, version2: bool) -> Schema {
     let field = |name: &str, kind| Field { name: Arc::from(name), kind, optional: false };
     let text = Type::Text { wide: false };
     let many = |kind: &Type| Type::Array { element: Box::new(kind.clone()), length: Length::Sequence(None) };
-    let own = |name: &str, fields| StructType { name: name.to_owned(), fields, extensibility: None };
+    let struct_of = |name: &str, fields| StructType { name: name.to_owned(), fields, extensibility: None };
     let mut structs = vec![
-        own("Time", vec![field("sec", Type::Scalar(Scalar::I32)), field("nanosec", Type::Scalar(Scalar::U32))]),
-        own("Header", vec![field("stamp", Type::Struct(0)), field("frame_id", text.clone())]),
+        struct_of("Time", vec![field("sec", Type::Scalar(Scalar::I32)), field("nanosec", Type::Scalar(Scalar::U32))]),
+        struct_of("Header", vec![field("stamp", Type::Struct(0)), field("frame_id", text.clone())]),
     ];
     let mut joints = vec![
         field("header", Type::Struct(1)),
@@ -66,7 +66,7 @@ pub(super) fn schema(random: &mut Random, version2: bool) -> Schema {
     // The names may stand anywhere among what they name.
     let place = 1 + random.below(3);
     joints[1..].rotate_left(place - 1);
-    structs.push(own("Joints", joints));
+    structs.push(struct_of("Joints", joints));
     for index in 0..1 + random.below(4) {
         let mut fields: Vec<Field> =
             (0..1 + random.below(5)).map(|place| field(&format!("f{place}"), kind(random, structs.len(), 0))).collect();
@@ -82,11 +82,12 @@ pub(super) fn schema(random: &mut Random, version2: bool) -> Schema {
             let place = random.below(fields.len() + 1);
             fields.insert(place, field("header", Type::Struct(1)));
         }
-        structs.push(own(&format!("S{index}"), fields));
+        structs.push(struct_of(&format!("S{index}"), fields));
     }
     let root = structs.len() - 1;
-    for own in structs.iter_mut().take(root) {
-        own.extensibility = [None, Some(Extensibility::Final), Some(Extensibility::Appendable)][random.below(3)];
+    for struct_type in structs.iter_mut().take(root) {
+        struct_type.extensibility =
+            [None, Some(Extensibility::Final), Some(Extensibility::Appendable)][random.below(3)];
     }
     Schema { structs, root }
 }
@@ -156,9 +157,9 @@ fn walk(schema: &Schema, kind: &Type, beside: Option<bool>, steps: &mut Vec<Step
         Type::Padding(_) => {}
         Type::Scalar(_) | Type::Text { .. } | Type::PlainText { .. } => all.push(FieldPath { steps: steps.clone() }),
         Type::Struct(index) => {
-            let own = &schema.structs[*index];
-            for field in &own.fields {
-                let has_names = own.name == "Joints" && *field.name != *"name";
+            let struct_type = &schema.structs[*index];
+            for field in &struct_type.fields {
+                let has_names = struct_type.name == "Joints" && *field.name != *"name";
                 steps.push(Step::Field(Arc::clone(&field.name)));
                 walk(schema, &field.kind, Some(has_names), steps, all);
                 steps.pop();
