@@ -33,8 +33,8 @@ pub(crate) fn agreed(logs: &[Log], selection: &Selection, progress: &dyn Progres
     let clocks = parallel_map(logs.len(), progress, |at| Ok::<_, Error>(clock(&logs[at].0, logs[at].1)))?;
     let mut columns: BTreeMap<String, Vec<(PathBuf, Clock)>> = BTreeMap::new();
     let mut dates: BTreeMap<String, Vec<(DateOrder, Fit)>> = BTreeMap::new();
-    for ((log, _), (clock, own)) in logs.iter().zip(clocks) {
-        own.into_iter().for_each(|(name, order)| dates.entry(name).or_default().push(order));
+    for ((log, _), (clock, candidate)) in logs.iter().zip(clocks) {
+        candidate.into_iter().for_each(|(name, order)| dates.entry(name).or_default().push(order));
         if let Some(clock) = clock.filter(|_| !is_told) {
             columns.entry(clock.name.clone()).or_default().push((log.path().to_path_buf(), clock));
         }
@@ -99,14 +99,14 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
             *first = path;
         }
     }
-    let told = || {
+    let hint = || {
         let mut units = files.iter().filter_map(|(_, clock)| clock.told());
         units.next().filter(|unit| units.all(|other| other == *unit))
     };
     Ok(common.and_then(|(_, units)| match units[..] {
         // What every file leaves in doubt stays a note of each.
         [unit] => Some(unit).filter(|_| !files.iter().all(|(_, clock)| clock.doubt().is_some())),
-        _ => told().filter(|unit| units.contains(unit)),
+        _ => hint().filter(|unit| units.contains(unit)),
     }))
 }
 

@@ -67,9 +67,9 @@ pub(crate) fn open(
     let table: Box<dyn Table> = match slot {
         None if nothing_to_join(&plan, &codes) => {
             let columns: Vec<usize> = plan.columns.iter().map(|column| column.join.column).collect();
-            let own = plan.columns.first().map_or(0, |column| column.join.series);
+            let base_series = plan.columns.first().map_or(0, |column| column.join.series);
             let mut series = decoded.series;
-            let store = series.swap_remove(own).store.select(&columns);
+            let store = series.swap_remove(base_series).store.select(&columns);
             Box::new(StoredTable { store, columns: meta.columns.clone(), has_time: true })
         }
         None => {

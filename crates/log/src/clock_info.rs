@@ -37,9 +37,9 @@ pub struct ClockInfo {
 impl ClockInfo {
     /// Clock of a file, with the settings on which all files of the call agree.
     pub(crate) fn new(path: &Path, clock: Clock, names: &[&str], agreed: &Agreed) -> Self {
-        let (column, told) = (clock.name.clone(), clock.told());
+        let (column, unit_given) = (clock.name.clone(), clock.told());
         let beside = clock.beside.and_then(|(place, _)| names.get(place)).map(ToString::to_string);
-        let is_number = told.is_some() || !clock.readings().is_empty();
+        let is_number = unit_given.is_some() || !clock.readings().is_empty();
         let (unit, assumed, open) = match clock.settle(path, agreed, &Selection::default()) {
             Ok(settled) => (Some(settled.unit).filter(|_| is_number), settled.assumed, false),
             Err(Error::UnknownTimeUnit { readings, .. }) if readings.is_empty() => {

@@ -22,8 +22,8 @@ pub(crate) fn join(files: &[(&Path, &[TableColumn])]) -> Result<ColumnSet, Error
     let mut recode = vec![Vec::with_capacity(count); files.len()];
     for c in 0..count {
         let joined = join_column(files, c)?;
-        for ((_, own), recode) in files.iter().zip(&mut recode) {
-            recode.push(codes(&own[c].column.kind, &joined.kind));
+        for ((_, file_column), recode) in files.iter().zip(&mut recode) {
+            recode.push(codes(&file_column[c].column.kind, &joined.kind));
         }
         columns.push(joined);
     }
@@ -36,19 +36,23 @@ fn join_column(files: &[(&Path, &[TableColumn])], c: usize) -> Result<Column, Er
     let mut names = BTreeSet::new();
     for (path, columns) in files {
         let TableColumn { column, empty } = &columns[c];
-        if let Some(own) = &column.unit {
+        if let Some(unit_text) = &column.unit {
             match unit {
-                Some((first, other)) if other != own => {
-                    return Err(disagree(&column.name, (first, format!("in {other}")), (path, format!("in {own}"))));
+                Some((first, other)) if other != unit_text => {
+                    return Err(disagree(
+                        &column.name,
+                        (first, format!("in {other}")),
+                        (path, format!("in {unit_text}")),
+                    ));
                 }
-                _ => unit = Some((path, own)),
+                _ => unit = Some((path, unit_text)),
             }
         }
         if *empty {
             continue;
         }
-        if let ColumnKind::Category(own) = &column.kind {
-            names.extend(own.iter().cloned());
+        if let ColumnKind::Category(words) = &column.kind {
+            names.extend(words.iter().cloned());
         }
         seen = Some(match seen {
             None => (path, column.kind.clone()),
@@ -97,15 +101,15 @@ fn disagree(column: &str, first: (&Path, String), second: (&Path, String)) -> Er
     }
 }
 
-fn codes(own: &ColumnKind, joined: &ColumnKind) -> Option<Vec<f64>> {
-    let (ColumnKind::Category(own), ColumnKind::Category(joined)) = (own, joined) else {
+fn codes(kind: &ColumnKind, joined: &ColumnKind) -> Option<Vec<f64>> {
+    let (ColumnKind::Category(kind), ColumnKind::Category(joined)) = (kind, joined) else {
         return None;
     };
-    if own == joined {
+    if kind == joined {
         return None;
     }
     let places: BTreeMap<&str, usize> = joined.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
-    Some(own.iter().map(|name| places.get(name.as_str()).map_or(f64::NAN, |&i| i as f64)).collect())
+    Some(kind.iter().map(|name| places.get(name.as_str()).map_or(f64::NAN, |&i| i as f64)).collect())
 }
 
 #[cfg(test)]

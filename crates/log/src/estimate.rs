@@ -21,11 +21,11 @@ pub fn estimate<P: AsRef<Path>>(
     let joined = splits::joined(logs, progress)?;
     for path in joined.logs.iter().map(Log::path) {
         let Some(format) = Format::of(path).filter(|format| format.is_log()) else { return Ok(None) };
-        let own = channels::estimate(path, format, joined.further(path), selection, progress)?;
-        total.bytes += own.bytes;
-        total.rows = total.rows.saturating_add(own.rows);
-        total.decoded_bytes = total.decoded_bytes.saturating_add(own.decoded_bytes);
-        total.cached &= own.cached;
+        let rough = channels::estimate(path, format, joined.further(path), selection, progress)?;
+        total.bytes += rough.bytes;
+        total.rows = total.rows.saturating_add(rough.rows);
+        total.decoded_bytes = total.decoded_bytes.saturating_add(rough.decoded_bytes);
+        total.cached &= rough.cached;
     }
     Ok((!paths.is_empty()).then_some(total))
 }

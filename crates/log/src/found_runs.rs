@@ -49,9 +49,10 @@ impl FoundRuns {
                 false => format!("{place}{}*.{ending}", glob::Pattern::escape(word)),
             };
             // Where files of several folders are called alike, the folders tell them apart.
-            let told =
+            let described =
                 if words.len() < named.len() && !below.is_empty() { below.join("_") } else { (*word).to_owned() };
-            let topic: String = told.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
+            let topic: String =
+                described.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
             patterns.push((topic, pattern));
         }
         let topics: BTreeSet<&str> = patterns.iter().map(|(topic, _)| topic.as_str()).collect();

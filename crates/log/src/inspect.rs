@@ -55,7 +55,7 @@ impl FileInfo {
     pub fn of_topics(mut self, topics: &[String]) -> Result<Self, Error> {
         let names = channels::Names::new(self.topics.iter().map(|topic| topic.name.as_str()), &[]);
         for topic in topics {
-            if !self.topics.iter().any(|own| own.name == *topic) {
+            if !self.topics.iter().any(|topic_info| topic_info.name == *topic) {
                 return Err(Error::MissingTopic {
                     path: self.path,
                     column: topic.clone(),
@@ -151,17 +151,17 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
 pub fn inspect_run(run: &RunFiles) -> Result<FileInfo, Error> {
     let mut all: Option<FileInfo> = None;
     for (topic, path) in &run.files {
-        let mut own = inspect(path)?;
-        own.columns.iter_mut().for_each(|column| column.name = format!("{topic}.{}", column.name));
-        let messages = own.rows.and_then(|rows| u64::try_from(rows).ok());
-        own.topics = vec![TopicInfo { name: topic.clone(), messages, ..TopicInfo::default() }];
+        let mut info = inspect(path)?;
+        info.columns.iter_mut().for_each(|column| column.name = format!("{topic}.{}", column.name));
+        let messages = info.rows.and_then(|rows| u64::try_from(rows).ok());
+        info.topics = vec![TopicInfo { name: topic.clone(), messages, ..TopicInfo::default() }];
         match &mut all {
-            None => all = Some(FileInfo { path: run.folder.clone(), rows: None, clock: None, ..own }),
+            None => all = Some(FileInfo { path: run.folder.clone(), rows: None, clock: None, ..info }),
             Some(all) => {
-                all.bytes += own.bytes;
-                all.columns.append(&mut own.columns);
-                all.topics.append(&mut own.topics);
-                all.notes.append(&mut own.notes);
+                all.bytes += info.bytes;
+                all.columns.append(&mut info.columns);
+                all.topics.append(&mut info.topics);
+                all.notes.append(&mut info.notes);
             }
         }
     }
@@ -175,16 +175,21 @@ fn inspect_by(path: &Path, agreed: &Agreed) -> Result<FileInfo, Error> {
     let bytes = size(path)?;
     let (columns, clock, rows, notes) = match format {
         Format::Parquet => {
-            let found = parquet::describe(path)?;
-            (found.columns, found.clock, Some(found.rows), Vec::new())
+            let described = parquet::describe(path)?;
+            (described.columns, described.clock, Some(described.rows), Vec::new())
         }
         Format::Npy | Format::Npz | Format::Mat => {
-            let found = arrays::describe(path, format)?;
-            (found.columns, found.clock, Some(found.rows), found.notes)
+            let described = arrays::describe(path, format)?;
+            (described.columns, described.clock, Some(described.rows), described.notes)
         }
         Format::Csv(compression) => {
-            let found = csv::describe(path, compression, agreed)?;
-            (found.columns.into_iter().map(|column| (column, Ok(()))).collect(), found.clock, None, found.notes)
+            let described = csv::describe(path, compression, agreed)?;
+            (
+                described.columns.into_iter().map(|column| (column, Ok(()))).collect(),
+                described.clock,
+                None,
+                described.notes,
+            )
         }
         _ => return Ok(log_info(path, format, bytes, channels::describe(path, format, &Silent)?)),
     };
@@ -229,19 +234,19 @@ fn size(path: &Path) -> Result<u64, Error> {
     Ok(bytes)
 }
 
-fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Description) -> FileInfo {
+fn log_info(path: &Path, format: Format, bytes: u64, described: channels::Description) -> FileInfo {
     FileInfo {
         path: path.into(),
         format,
         bytes,
         rows: None,
-        columns: found.columns,
-        arrays: found.arrays,
-        topics: found.topics,
-        metadata: found.metadata,
+        columns: described.columns,
+        arrays: described.arrays,
+        topics: described.topics,
+        metadata: described.metadata,
         clock: None,
         episodes: None,
-        notes: found.notes,
+        notes: described.notes,
     }
 }
 
@@ -318,8 +323,14 @@ fn statistics(recording: &Recording, progress: &dyn Progress) -> Result<Vec<Colu
             Ok::<_, Error>((0..block.columns.len()).map(|c| sums(block.core(c))).collect::<Vec<Sums>>())
         },
         |block| {
-            for (total, own) in totals.iter_mut().zip(block) {
-                *total = (total.0 + own.0, total.1 + own.1, total.2.min(own.2), total.3 + own.3, total.4.max(own.4));
+            for (total, block_total) in totals.iter_mut().zip(block) {
+                *total = (
+                    total.0 + block_total.0,
+                    total.1 + block_total.1,
+                    total.2.min(block_total.2),
+                    total.3 + block_total.3,
+                    total.4.max(block_total.4),
+                );
             }
             Ok(())
         },

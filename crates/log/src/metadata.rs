@@ -44,8 +44,8 @@ mod tests {
         let options = WriteOptions { metadata: pairs.clone(), ..WriteOptions::default() };
         let columns = vec![WriteColumn::new("x", WriteKind::Float)];
         ParquetWriter::create(&path, columns, &options).unwrap().finish().unwrap();
-        let found = metadata(&path).unwrap();
-        assert!(pairs.iter().all(|(key, value)| found.get(key) == Some(value)), "{found:?}");
+        let values = metadata(&path).unwrap();
+        assert!(pairs.iter().all(|(key, value)| values.get(key) == Some(value)), "{values:?}");
 
         for name in ["a.mcap", "a.parquet"] {
             std::fs::write(folder.path().join(name), b"short").unwrap();

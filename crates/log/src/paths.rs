@@ -51,13 +51,13 @@ pub(crate) fn distinct(files: BTreeSet<PathBuf>) -> Vec<PathBuf> {
     files.into_iter().filter(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone()))).collect()
 }
 
-fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
+fn collect_folder(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
     if depth > MAX_DEPTH {
         return Ok(());
     }
     if let Some(readable) = containers::folder(folder) {
         readable?;
-        found.insert(folder.into());
+        paths.insert(folder.into());
         return Ok(());
     }
     // Its rows; the tables beside them are about episodes and tasks.
@@ -72,12 +72,12 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) ->
             continue;
         }
         if path.is_dir() {
-            collect_folder(&path, depth + 1, found)?;
+            collect_folder(&path, depth + 1, paths)?;
         } else if Format::found(&path).is_some() {
-            found.insert(path);
+            paths.insert(path);
         }
     }
-    drop_converted(found);
+    drop_converted(paths);
     Ok(())
 }
 
@@ -91,16 +91,16 @@ fn is_lerobot(folder: &Path) -> bool {
 
 /// Leaves out recordings beside which a copy lies that was converted to MCAP: the same rows would come twice. Leaves out arrays beside logs, too:
 /// they are calibrations or exported models, not rows.
-fn drop_converted(found: &mut BTreeSet<PathBuf>) {
+fn drop_converted(paths: &mut BTreeSet<PathBuf>) {
     let is_array = |path: &PathBuf| matches!(Format::of(path), Some(Format::Npy | Format::Npz | Format::Mat));
-    if !found.iter().all(is_array) {
-        found.retain(|path| !is_array(path));
+    if !paths.iter().all(is_array) {
+        paths.retain(|path| !is_array(path));
     }
     let older = |path: &PathBuf| matches!(Format::of(path), Some(Format::Bag(_) | Format::Db3(_)));
     let copies: Vec<PathBuf> =
-        found.iter().filter(|path| older(path) && found.contains(&path.with_extension("mcap"))).cloned().collect();
+        paths.iter().filter(|path| older(path) && paths.contains(&path.with_extension("mcap"))).cloned().collect();
     copies.iter().for_each(|path| {
-        found.remove(path);
+        paths.remove(path);
     });
 }
 
@@ -114,22 +114,22 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
     let options = glob::MatchOptions { require_literal_leading_dot: true, ..glob::MatchOptions::new() };
     let matches = glob::glob_with(&pattern, options)
         .map_err(|problem| Error::Pattern { pattern: pattern.clone(), problem: problem.to_string() })?;
-    let (mut found, mut unknown) = (BTreeSet::new(), None);
+    let (mut paths, mut unknown) = (BTreeSet::new(), None);
     for path in matches {
         let path =
             path.map_err(|failure| Error::Io { path: failure.path().into(), action: "list", source: failure.into() })?;
         if path.is_dir() {
-            collect_folder(&path, 1, &mut found)?;
+            collect_folder(&path, 1, &mut paths)?;
         } else if Format::found(&path).is_some() {
-            found.insert(path);
+            paths.insert(path);
         } else {
             unknown = Some(path);
         }
     }
-    drop_converted(&mut found);
+    drop_converted(&mut paths);
     // A pattern such as `runs/*` may catch notes beside the logs; only when it catches nothing else is that an error.
-    match (found.is_empty(), unknown) {
-        (false, _) => files.append(&mut found),
+    match (paths.is_empty(), unknown) {
+        (false, _) => files.append(&mut paths),
         // Opening it says what it is instead of a log.
         (true, Some(path)) if Format::of(&path).is_some() => {
             files.insert(path);

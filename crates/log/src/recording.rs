@@ -138,8 +138,8 @@ pub(crate) fn open_agreed(
         let opened = match &logs[i] {
             Log::Run(run) => {
                 let open = |path: &Path, own: &Selection| {
-                    let opened = open_file(path, &[], own, agreed, &budget, &cache, &inner)?;
-                    index_file(path, &opened, own, &inner)?;
+                    let opened = open_file(path, &[], asked, agreed, &budget, &cache, &inner)?;
+                    index_file(path, &opened, asked, &inner)?;
                     Ok(opened)
                 };
                 return run::open(run, &selection, &open, &budget, &inner);
@@ -186,15 +186,15 @@ pub(crate) fn open_agreed(
         without_clock,
     };
     let mut spans = Vec::new();
-    let mut told = Notes::default();
-    for (((path, opened), FileIndex { mask, turns, spans: own, clock }), recode) in
+    let mut all_notes = Notes::default();
+    for (((path, opened), FileIndex { mask, turns, spans: file_spans, clock }), recode) in
         paths.into_iter().zip(opened).zip(indices).zip(recode)
     {
         let mut notes = opened.notes;
         notes.extend(opened.time_column.as_deref().and_then(|column| turns.note(column)));
-        told.add_file(&path, &notes, &clock, &own);
+        all_notes.add_file(&path, &notes, &clock, &file_spans);
         let file = recording.files.len();
-        spans.extend(own.into_iter().map(|span| (file, span)));
+        spans.extend(file_spans.into_iter().map(|span| (file, span)));
         recording.files.push(RecordedFile {
             parts: match &logs[file] {
                 Log::File(path) => [path.clone()].into_iter().chain(splits.further(path).iter().cloned()).collect(),
@@ -211,7 +211,7 @@ pub(crate) fn open_agreed(
             recode,
         });
     }
-    (recording.notes, recording.row_notes) = (told.all(), told.of_rows());
+    (recording.notes, recording.row_notes) = (all_notes.all(), all_notes.of_rows());
     recording.add_episodes(spans, &selection.label_rules, progress)?;
     if !selection.allow_duplicates {
         refuse_duplicates(&recording.episodes)?;

@@ -28,14 +28,14 @@ pub(crate) fn at_rate(
     let table = opened.table.as_ref();
     let joins: Vec<JoinColumn> = (0..table.columns().len()).map(|at| joined(table.columns(), at, selection)).collect();
     let series = [series(path, &opened, &[], budget, progress)?];
-    let [own] = &series;
-    check_rate(path, hz, std::iter::once((&*own.name, own.rate())))?;
+    let [single] = &series;
+    check_rate(path, hz, std::iter::once((&*single.name, single.rate())))?;
     let mut rows = StoreBuilder::new(path, joins.len(), budget.clone());
     join(&series, &joins, Base::Rate(hz), progress, |stamps, columns| rows.push_columns(stamps, columns))?;
-    let columns = table.columns().iter().zip(&joins).map(|(own, join)| joined_column(own, join)).collect();
+    let columns = table.columns().iter().zip(&joins).map(|(column, join)| joined_column(column, join)).collect();
     let mut notes = opened.notes;
     notes.push(format!("its rows are resampled to {hz} a second, the requested rate"));
-    notes.extend(own.counts.left_out("rows"));
+    notes.extend(single.counts.left_out("rows"));
     let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns, has_time: true });
     Ok(Opened { table, notes, cycle: Cycle::Never, sessions: Vec::new(), ..opened })
 }
@@ -77,12 +77,12 @@ pub(crate) fn series(
 }
 
 /// A column as it is after its join: between samples there are no whole numbers.
-pub(crate) fn joined_column(own: &TableColumn, join: &JoinColumn) -> TableColumn {
-    let mut own = own.clone();
+pub(crate) fn joined_column(column: &TableColumn, join: &JoinColumn) -> TableColumn {
+    let mut column = column.clone();
     if join.kind != JoinKind::Hold {
-        own.column.kind = ColumnKind::Float;
+        column.column.kind = ColumnKind::Float;
     }
-    own
+    column
 }
 
 /// Join of a column of the first series.
@@ -103,7 +103,9 @@ pub(crate) fn joined(columns: &[TableColumn], at: usize, selection: &Selection) 
         kind: if quaternion.is_none() && kind == JoinKind::Slerp { JoinKind::Linear } else { kind },
         gap: rule.max_gap,
         quaternion,
-        component: quaternion.and_then(|all| all.iter().position(|&own| own == at)).unwrap_or(0),
+        component: quaternion
+            .and_then(|all| all.iter().position(|&component_place| component_place == at))
+            .unwrap_or(0),
     }
 }
 
@@ -112,7 +114,7 @@ fn components(columns: &[TableColumn], name: &str) -> Option<[usize; 4]> {
     let stem = name.strip_suffix(['x', 'y', 'z', 'w'])?;
     let mut places = [0; 4];
     for (place, letter) in places.iter_mut().zip(["x", "y", "z", "w"]) {
-        let is_own = |own: &TableColumn| own.column.name.strip_prefix(stem) == Some(letter);
+        let is_own = |column: &TableColumn| column.column.name.strip_prefix(stem) == Some(letter);
         *place = columns.iter().position(is_own)?;
     }
     Some(places)

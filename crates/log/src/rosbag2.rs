@@ -69,8 +69,8 @@ fn place(open: &[Open]) -> Place {
 impl Information {
     /// The wanted values of a text, event by event: three of them need no tree, and nothing that a hostile text nests or repeats is built.
     fn parse(text: &str) -> Result<Self, String> {
-        let (mut own, mut open) = (Self::default(), Vec::new());
-        let mut found = false;
+        let (mut metadata, mut open) = (Self::default(), Vec::new());
+        let mut has_key = false;
         for event in Parser::new_from_str(text) {
             let (event, span) = event.map_err(|error| error.to_string())?;
             let line = span.start.line();
@@ -78,7 +78,7 @@ impl Information {
             match event {
                 Event::Scalar(value, style, ..) => match place(&open) {
                     Place::Key => {
-                        found |= open.len() == 1 && value.as_bytes() == BAG_KEY;
+                        has_key |= open.len() == 1 && value.as_bytes() == BAG_KEY;
                         if let Some(Open::Mapping(key)) = open.last_mut() {
                             *key = Some(value.into_owned());
                         }
@@ -117,7 +117,7 @@ impl Information {
                 *key = None;
             }
         }
-        if found { Ok(own) } else { Err("the key `rosbag2_bagfile_information` is missing".into()) }
+        if has_key { Ok(metadata) } else { Err("the key `rosbag2_bagfile_information` is missing".into()) }
     }
 }
 

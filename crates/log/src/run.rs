@@ -41,12 +41,12 @@ impl RunFiles {
         let mut runs: BTreeMap<PathBuf, Vec<Option<PathBuf>>> = BTreeMap::new();
         let mut others = Vec::new();
         for file in files {
-            let mut own = patterns.iter().enumerate().filter_map(|(at, pattern)| Some((at, pattern.folder(file)?)));
-            let Some((at, folder)) = own.next() else {
+            let mut places = patterns.iter().enumerate().filter_map(|(at, pattern)| Some((at, pattern.folder(file)?)));
+            let Some((at, folder)) = places.next() else {
                 others.push(file.clone());
                 continue;
             };
-            if let Some((second, _)) = own.next() {
+            if let Some((second, _)) = places.next() {
                 let topics = [at, second].map(|at| patterns[at].topic.to_owned());
                 return Err(Error::FileOfTwoTopics { path: file.clone(), topics });
             }
@@ -68,7 +68,7 @@ impl RunFiles {
             return Err(Error::FileOfNoRun { path: alone.clone() });
         }
         let complete = |(folder, files): (PathBuf, Vec<Option<PathBuf>>)| {
-            let own = files.into_iter().zip(&patterns).map(|(file, Pattern { topic, text, .. })| match file {
+            let chosen = files.into_iter().zip(&patterns).map(|(file, Pattern { topic, text, .. })| match file {
                 Some(file) => Ok(((*topic).to_owned(), file)),
                 None => Err(Error::NoFileOfTopic {
                     folder: folder.clone(),
@@ -76,7 +76,7 @@ impl RunFiles {
                     there: inside(&folder),
                 }),
             });
-            let files = own.collect::<Result<_, Error>>()?;
+            let files = chosen.collect::<Result<_, Error>>()?;
             // Its name is what episodes are called.
             let named = folder.file_name().is_none().then(|| std::fs::canonicalize(&folder).ok()).flatten();
             Ok(Self { folder: named.unwrap_or(folder), files })
@@ -171,17 +171,17 @@ pub(crate) fn open(
     let (mut series, mut columns, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for &topic in &used {
         let (name, path) = &run.files[topic];
-        let own = asked.iter().filter(|(at, _)| *at == topic).map(|(_, column)| *column);
-        let own = Selection {
+        let asked_columns = asked.iter().filter(|(at, _)| *at == topic).map(|(_, column)| *column);
+        let selection_of_file = Selection {
             time: clock_of(&selection.time).clone(),
-            columns: own.map(str::to_owned).collect(),
+            columns: asked_columns.map(str::to_owned).collect(),
             ..selection.clone()
         };
         let is_slerp = |column: &str| {
             let rule = selection.join.columns.get(&format!("{name}.{column}"));
             rule.is_some_and(|rule| rule.kind == Some(JoinKind::Slerp))
         };
-        let opened = with_siblings(path, own, &is_slerp, open)?;
+        let opened = with_siblings(path, selection_of_file, &is_slerp, open)?;
         let clocks = corrections(folder, name, &selection.join.clocks);
         let mut rows = resample::series(folder, &opened, &clocks, budget, progress)?;
         name.clone_into(&mut rows.name);
@@ -192,22 +192,22 @@ pub(crate) fn open(
                 .chain(&rows.counts.left_out("rows").collect::<Vec<_>>())
                 .map(|note| format!("{name}: {note}")),
         );
-        columns.push(opened.table.columns().iter().map(|own| named(name, own)).collect::<Vec<_>>());
+        columns.push(opened.table.columns().iter().map(|column| named(name, column)).collect::<Vec<_>>());
         series.push(rows);
     }
-    let place = |topic: usize| used.iter().position(|&own| own == topic).unwrap_or_default();
+    let place = |topic: usize| used.iter().position(|&used_topic| used_topic == topic).unwrap_or_default();
     let joins: Vec<(usize, JoinColumn)> = asked
         .iter()
         .zip(&selection.columns)
         .map(|((topic, _), name)| {
             let at = place(*topic);
-            let names = ByName::new(columns[at].iter().map(|own| own.column.name.as_str()));
+            let names = ByName::new(columns[at].iter().map(|column| column.column.name.as_str()));
             Ok((at, JoinColumn { series: at, ..resample::joined(&columns[at], names.find(folder, name)?, selection) }))
         })
         .collect::<Result<_, Error>>()?;
     let base = match (&selection.join.base, base) {
         (Some(Base::Rate(hz)), _) => {
-            check_rate(folder, *hz, series.iter().map(|own| (&*own.name, own.rate())))?;
+            check_rate(folder, *hz, series.iter().map(|one| (&*one.name, one.rate())))?;
             join::Base::Rate(*hz)
         }
         (_, base) => join::Base::Series(base.map_or(0, place)),
@@ -229,22 +229,23 @@ pub(crate) fn open(
 /// Opens a file for columns, and for all four of each quaternion of which one is joined by slerp, as far as the file has them.
 fn with_siblings(
     path: &Path,
-    own: Selection,
+    sibling_selection: Selection,
     is_slerp: &dyn Fn(&str) -> bool,
     open: &dyn Fn(&Path, &Selection) -> Result<Opened, Error>,
 ) -> Result<Opened, Error> {
-    let stems = own.columns.iter().filter(|column| is_slerp(column));
+    let stems = sibling_selection.columns.iter().filter(|column| is_slerp(column));
     let mut stems: Vec<&str> = stems.filter_map(|column| column.strip_suffix(['x', 'y', 'z', 'w'])).collect();
     loop {
         let siblings = stems.iter().flat_map(|stem| ["x", "y", "z", "w"].map(|letter| format!("{stem}{letter}")));
-        let columns = own.columns.iter().cloned().chain(siblings).collect::<BTreeSet<_>>().into_iter().collect();
-        match open(path, &Selection { columns, ..own.clone() }) {
+        let columns =
+            sibling_selection.columns.iter().cloned().chain(siblings).collect::<BTreeSet<_>>().into_iter().collect();
+        match open(path, &Selection { columns, ..sibling_selection.clone() }) {
             // Three of them are a vector.
-            Err(Error::MissingColumn { column, .. }) if !own.columns.contains(&column) => {
+            Err(Error::MissingColumn { column, .. }) if !sibling_selection.columns.contains(&column) => {
                 let before = stems.len();
                 stems.retain(|stem| column.strip_suffix(['x', 'y', 'z', 'w']) != Some(stem));
                 if stems.len() == before {
-                    return open(path, &own);
+                    return open(path, &sibling_selection);
                 }
             }
             opened => return opened,
@@ -253,10 +254,10 @@ fn with_siblings(
 }
 
 /// A column with its topic.
-fn named(topic: &str, own: &TableColumn) -> TableColumn {
-    let mut own = own.clone();
-    own.column.name = format!("{topic}.{}", own.column.name);
-    own
+fn named(topic: &str, column: &TableColumn) -> TableColumn {
+    let mut column = column.clone();
+    column.column.name = format!("{topic}.{}", column.column.name);
+    column
 }
 
 /// The error of series that do not overlap, told of files.

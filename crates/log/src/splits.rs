@@ -63,7 +63,8 @@ pub(crate) fn joined(logs: Vec<Log>, progress: &dyn Progress) -> Result<Joined, 
             head = Some((first, number, ends));
         }
     }
-    let is_further = |log: &Log| log.file().is_some_and(|path| further.values().flatten().any(|own| own == path));
+    let is_further =
+        |log: &Log| log.file().is_some_and(|path| further.values().flatten().any(|further_path| further_path == path));
     Ok(Joined { logs: logs.into_iter().filter(|log| !is_further(log)).collect(), further })
 }
 

@@ -68,9 +68,9 @@ impl Steps {
     /// The typical step; bursts last at most such a share of their period.
     fn typical(&mut self, share: f64) -> Option<u64> {
         let median = self.median()?;
-        let mean_below = |own: &Self, most: f64| {
+        let mean_below = |distribution: &Self, most: f64| {
             let (mut sum, mut count) = (0.0, 0.0);
-            own.each(|step, times| {
+            distribution.each(|step, times| {
                 if step <= most {
                     (sum, count) = (sum + step * times, count + times);
                 }
@@ -79,9 +79,9 @@ impl Steps {
         };
         let mean = mean_below(self, f64::INFINITY);
         let mean = mean_below(self, 50.0 * mean);
-        let longer_than = |own: &Self, least: f64| {
+        let longer_than = |distribution: &Self, least: f64| {
             let mut long = Vec::new();
-            own.each(|step, times| {
+            distribution.each(|step, times| {
                 if step > least && step <= 50.0 * mean {
                     long.push((step, times));
                 }
@@ -159,8 +159,8 @@ mod tests {
         // Six messages 4 us apart every second, in short and in long logs.
         for rounds in [4, 20_000] {
             let steps = (0..6 * rounds).map(|i| if i % 6 == 5 { 1_000_000_000 } else { 4_000 }).collect();
-            let found = period(steps).unwrap();
-            assert!((found as f64 / 1e9 - 1.0).abs() < 1e-3, "{found}");
+            let period_there = period(steps).unwrap();
+            assert!((period_there as f64 / 1e9 - 1.0).abs() < 1e-3, "{period_there}");
         }
         // 100 Hz with an hour's pause, and with a tenth of the messages lost.
         assert_eq!(

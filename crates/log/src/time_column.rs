@@ -137,8 +137,8 @@ pub(crate) fn choose(candidates: &[Candidate], sampler: Sampler<'_>, spec: &Time
         TimeSpec::Column { unit, .. } => *unit,
         _ => None,
     };
-    let told = given.or_else(|| names::named(&candidate.name, candidate.unit.as_deref()).unit);
-    let unit = match (candidate.kind, told) {
+    let unit_given = given.or_else(|| names::named(&candidate.name, candidate.unit.as_deref()).unit);
+    let unit = match (candidate.kind, unit_given) {
         (_, Some(unit)) => ClockUnit::Told(unit),
         (CandidateKind::Time | CandidateKind::Other, None) => ClockUnit::Told(TimeUnit::Nanoseconds),
         (CandidateKind::Float | CandidateKind::Integer, None) => ClockUnit::Guessed(units::readings(&sampler(column))),
@@ -211,8 +211,8 @@ fn in_gps_weeks(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
     let (week_sample, time_sample) = (finite(week), finite(time));
     let is_week = !week_sample.is_empty() && week_sample.iter().all(|week| (1.0..5000.0).contains(week));
     let largest = time_sample.iter().copied().fold(0.0, f64::max);
-    let told = candidates[time].unit.as_deref().and_then(TimeUnit::parse);
-    let unit = match (told.or(names::time_of_week(&candidates[time].name)?), candidates[time].kind) {
+    let unit_given = candidates[time].unit.as_deref().and_then(TimeUnit::parse);
+    let unit = match (unit_given.or(names::time_of_week(&candidates[time].name)?), candidates[time].kind) {
         (Some(unit), _) => unit,
         (None, _) if largest > WEEK => TimeUnit::Milliseconds,
         (None, CandidateKind::Float) => TimeUnit::Seconds,

@@ -153,7 +153,7 @@ fn in_turn(turn: usize) -> &'static [(&'static str, &'static [&'static str])] {
 /// The messages of these topics that can be read, in file order.
 fn read(path: &Path, wanted: &'static [(&'static str, &'static [&'static str])]) -> Result<Rows, Error> {
     let log = Messages::open(path)?;
-    let mut found = BTreeMap::new();
+    let mut by_topic = BTreeMap::new();
     for &(topic, fields) in wanted {
         let mut rows = Vec::new();
         let outcome = log.read(topic, fields, &Silent, |row| {
@@ -161,10 +161,10 @@ fn read(path: &Path, wanted: &'static [(&'static str, &'static [&'static str])])
             Ok(())
         });
         if outcome.is_ok() {
-            found.insert(topic, rows);
+            by_topic.insert(topic, rows);
         }
     }
-    Ok(found)
+    Ok(by_topic)
 }
 
 fn total(rows: &Rows) -> usize {
@@ -175,7 +175,7 @@ fn total(rows: &Rows) -> usize {
 fn is_part(part: &Rows, truth: &Rows) -> bool {
     part.iter().all(|(topic, rows)| {
         let mut left = truth[topic].iter();
-        rows.iter().all(|row| left.any(|own| own == row))
+        rows.iter().all(|row| left.any(|row_left| row_left == row))
     })
 }
 
@@ -221,12 +221,12 @@ fn every_cut_is_read_up_to_it() {
     for (turn, length) in lengths.enumerate() {
         file.set_len(length as u64).unwrap();
         cuts += 1;
-        let Ok(found) = bounded(&format!("cut at {length}"), || read(&path, in_turn(turn))) else {
+        let Ok(content) = bounded(&format!("cut at {length}"), || read(&path, in_turn(turn))) else {
             assert!(length < 8, "a file of {length} bytes is refused");
             refused += 1;
             continue;
         };
-        for (&topic, rows) in &found {
+        for (&topic, rows) in &content {
             assert!(truth[topic].starts_with(rows), "cut at {length}: {topic}");
             assert!(rows.len() <= before[topic], "cut at {length}: {topic} has more messages than in a longer file");
             before.insert(topic, rows.len());
@@ -234,8 +234,12 @@ fn every_cut_is_read_up_to_it() {
         }
         // Telling all fields takes longer than reading some.
         if turn.is_multiple_of(48) {
-            let told = bounded(&format!("told of {length}"), || tells(&path));
-            assert!(told || total(&found) == 3200, "cut at {length}: {} messages, and no word about it", total(&found));
+            let said = bounded(&format!("told of {length}"), || tells(&path));
+            assert!(
+                said || total(&content) == 3200,
+                "cut at {length}: {} messages, and no word about it",
+                total(&content)
+            );
             bounded(&format!("recording of {length}"), || record(&path));
         }
     }
@@ -262,9 +266,9 @@ fn change_bytes(compress: bool, changes: usize, seed: u64) {
         let what = format!("byte {place} changed by {mask:#04x}");
         set(place, bytes[place] ^ mask);
         let wanted = in_turn(turn);
-        let found = bounded(&what, || read(&path, wanted)).unwrap_or_default();
-        assert!(is_part(&found, &truth), "{what}: invented values");
-        if wanted.iter().all(|(topic, _)| found.get(topic).map(Vec::len) == Some(truth[topic].len())) {
+        let content = bounded(&what, || read(&path, wanted)).unwrap_or_default();
+        assert!(is_part(&content, &truth), "{what}: invented values");
+        if wanted.iter().all(|(topic, _)| content.get(topic).map(Vec::len) == Some(truth[topic].len())) {
             whole += 1;
         } else {
             lost += 1;
@@ -369,10 +373,10 @@ fn sweep(name: &str, wanted: Wanted, messages: usize, between: fn(&[u8], usize) 
         fs::write(&path, &bytes[..length]).unwrap();
         let what = format!("{name} cut at {length}");
         // Where the tables or connections themselves are cut off the file is refused.
-        if let Ok(found) = bounded(&what, || read(&path, wanted)) {
-            assert!(is_part(&found, &truth), "{what}: invented values");
-            partial += usize::from(total(&found) > 0);
-            let lost = total(&found) < messages && !between(&bytes, length);
+        if let Ok(content) = bounded(&what, || read(&path, wanted)) {
+            assert!(is_part(&content, &truth), "{what}: invented values");
+            partial += usize::from(total(&content) > 0);
+            let lost = total(&content) < messages && !between(&bytes, length);
             if lost && turn.is_multiple_of(8) && !bounded(&what, || tells(&path)) {
                 silent.push(what);
             }
@@ -387,10 +391,10 @@ fn sweep(name: &str, wanted: Wanted, messages: usize, between: fn(&[u8], usize) 
         }
         fs::write(&path, &bytes).unwrap();
         let what = format!("{name}, change {turn}");
-        let found = bounded(&what, || read(&path, wanted)).unwrap_or_default();
+        let content = bounded(&what, || read(&path, wanted)).unwrap_or_default();
         // Messages of one topic can come to another one.
-        assert!(found.values().all(|rows| rows.len() <= messages + 3), "{what}: invented messages");
-        changed += usize::from(found != truth);
+        assert!(content.values().all(|rows| rows.len() <= messages + 3), "{what}: invented messages");
+        changed += usize::from(content != truth);
         if turn.is_multiple_of(8) {
             bounded(&what, || inspect_values(&path, &Silent).map(drop).unwrap_or_default());
         }
@@ -434,10 +438,16 @@ fn arrays_are_read_as_far_as_they_are_sound() {
             let length = 1 + random.below(bytes.len() as u64 - 1) as usize;
             fs::write(&path, &bytes[..length]).unwrap();
             let what = format!("{name} cut at {length}");
-            if let Ok((found, notes)) = bounded(&what, || read_table(&path)) {
-                assert!(found.iter().all(|(column, own)| truth[column].starts_with(own)), "{what}: invented values");
+            if let Ok((columns_read, notes)) = bounded(&what, || read_table(&path)) {
+                assert!(
+                    columns_read.iter().all(|(column, column_read)| truth[column].starts_with(column_read)),
+                    "{what}: invented values"
+                );
                 // MATLAB's variables follow each other without a count: a cut between two is no damage that could be told.
-                assert!(found == truth || !notes.is_empty() || name.ends_with(".mat"), "{what}: no word about it");
+                assert!(
+                    columns_read == truth || !notes.is_empty() || name.ends_with(".mat"),
+                    "{what}: no word about it"
+                );
                 partial += 1;
             }
         }
@@ -450,10 +460,12 @@ fn arrays_are_read_as_far_as_they_are_sound() {
             }
             fs::write(&path, &bytes).unwrap();
             let what = format!("{name}, change {turn}");
-            let Ok((found, _)) = bounded(&what, || read_table(&path)) else { continue };
-            changed += usize::from(found != truth);
-            let same = |(column, own): (&String, &Vec<u64>)| truth.get(column).is_none_or(|truth| truth == own);
-            assert!(found.iter().all(same) || !name.ends_with(".npz"), "{what}: invented values");
+            let Ok((columns_read, _)) = bounded(&what, || read_table(&path)) else { continue };
+            changed += usize::from(columns_read != truth);
+            let same = |(column, column_read): (&String, &Vec<u64>)| {
+                truth.get(column).is_none_or(|truth| truth == column_read)
+            };
+            assert!(columns_read.iter().all(same) || !name.ends_with(".npz"), "{what}: invented values");
         }
         eprintln!("{name}: {partial} of {turns} cuts read in part, {changed} of {turns} changes in the rows");
         assert!(partial > 0 || !name.starts_with("plain"), "{name}: no cut was read in part");

@@ -31,7 +31,7 @@ impl Literal {
 
     /// Dimensions.
     pub(super) fn shape(&self) -> Option<Vec<usize>> {
-        let whole = |own: &Self| if let Self::Whole(value) = own { Some(*value) } else { None };
+        let whole = |whole_value: &Self| if let Self::Whole(value) = whole_value { Some(*value) } else { None };
         match self {
             Self::Whole(value) => Some(vec![*value]),
             Self::Many(all) => all.iter().map(whole).collect(),
@@ -42,7 +42,7 @@ impl Literal {
     /// The value of a key.
     pub(super) fn get(&self, key: &str) -> Option<&Self> {
         let Self::Map(all) = self else { return None };
-        all.iter().find(|(own, _)| own.text() == Some(key)).map(|(_, value)| value)
+        all.iter().find(|(name, _)| name.text() == Some(key)).map(|(_, value)| value)
     }
 }
 

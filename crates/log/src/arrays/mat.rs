@@ -68,28 +68,28 @@ struct Found {
 pub(super) fn table(path: &Path, map: Arc<Map>) -> Result<ArrayTable, Error> {
     let big = map.get(126..HEADER) == Some(b"MI");
     let mut left = FREE_GROWTH.max((map.len() as u64).saturating_mul(MAX_RATIO));
-    let mut found = Found::default();
+    let mut content = Found::default();
     let mut elements = Elements { bytes: &map, at: HEADER, limit: map.len(), big };
     let mut cut = None;
     while elements.at < map.len() {
         let begin = elements.at;
         match elements.next() {
-            Some(element) if element.kind == MATRIX => found.variable(&map, elements.inside(element), None, 0),
+            Some(element) if element.kind == MATRIX => content.variable(&map, elements.inside(element), None, 0),
             Some(element) if element.kind == PACKED => {
                 let unpacked = inflated(flate2::read::ZlibDecoder::new(elements.data(element)), left);
-                left = left.saturating_sub(unpacked.as_ref().map_or(0, |(own, _)| own.len() as u64));
+                left = left.saturating_sub(unpacked.as_ref().map_or(0, |(inner_bytes, _)| inner_bytes.len() as u64));
                 if left == 0 {
                     let problem = "it unpacks to more than a thousand times its size".into();
                     return Err(Error::WrongFormat { path: path.into(), problem, mend: "save it again" });
                 }
-                let own = unpacked.map(|(own, _)| Arc::new(own));
-                let inner = own.as_ref().and_then(|own| {
-                    let mut all = Elements { bytes: own, at: 0, limit: own.len(), big };
-                    all.next().filter(|inner| inner.kind == MATRIX).map(|inner| (own, all.inside(inner)))
+                let inner_bytes = unpacked.map(|(inner_bytes, _)| Arc::new(inner_bytes));
+                let inner = inner_bytes.as_ref().and_then(|inner_bytes| {
+                    let mut all = Elements { bytes: inner_bytes, at: 0, limit: inner_bytes.len(), big };
+                    all.next().filter(|inner| inner.kind == MATRIX).map(|inner| (inner_bytes, all.inside(inner)))
                 });
                 match inner {
-                    Some((own, inner)) => found.variable(own, inner, None, 0),
-                    None => found.damaged.push(format!("a variable at byte {begin}")),
+                    Some((inner_bytes, inner)) => content.variable(inner_bytes, inner, None, 0),
+                    None => content.damaged.push(format!("a variable at byte {begin}")),
                 }
             }
             Some(_) => {}
@@ -99,7 +99,7 @@ pub(super) fn table(path: &Path, map: Arc<Map>) -> Result<ArrayTable, Error> {
             }
         }
     }
-    found.table(path, cut)
+    content.table(path, cut)
 }
 
 impl Found {
@@ -180,8 +180,8 @@ impl Found {
             let path = format!("{name}.{}", String::from_utf8_lossy(field.get(..end).unwrap_or_default()));
             match elements.next() {
                 // An empty field.
-                Some(own) if own.kind == MATRIX && own.size == 0 => {}
-                Some(own) if own.kind == MATRIX => self.variable(map, elements.inside(own), Some(path), depth + 1),
+                Some(tag) if tag.kind == MATRIX && tag.size == 0 => {}
+                Some(tag) if tag.kind == MATRIX => self.variable(map, elements.inside(tag), Some(path), depth + 1),
                 _ => return self.damaged.push(path),
             }
         }
@@ -240,7 +240,7 @@ impl<'a> Elements<'a> {
             return None;
         }
         let word = self.word(at);
-        let own = match word >> 16 {
+        let tag = match word >> 16 {
             0 => {
                 let (size, begin) = (self.word(at + 4) as usize, at + 8);
                 // Packed elements are not filled up to eight bytes.
@@ -250,22 +250,23 @@ impl<'a> Elements<'a> {
             // Up to four bytes of data stand in the tag itself.
             size => Tagged { kind: word & 0xffff, begin: at + 4, size: (size as usize).min(4), end: at + 8 },
         };
-        let end = own.begin.checked_add(own.size)?;
-        self.at = own.end;
-        (end <= self.limit).then_some(own)
+        let end = tag.begin.checked_add(tag.size)?;
+        self.at = tag.end;
+        (end <= self.limit).then_some(tag)
     }
 
     /// The elements that an element holds.
-    fn inside(&self, own: Tagged) -> Self {
-        Self { at: own.begin, limit: own.begin + own.size, ..*self }
+    fn inside(&self, tag: Tagged) -> Self {
+        Self { at: tag.begin, limit: tag.begin + tag.size, ..*self }
     }
 
-    fn data(&self, own: Tagged) -> &'a [u8] {
-        self.bytes.get(own.begin..own.begin + own.size).unwrap_or_default()
+    fn data(&self, tag: Tagged) -> &'a [u8] {
+        self.bytes.get(tag.begin..tag.begin + tag.size).unwrap_or_default()
     }
 
     fn word(&self, at: usize) -> u32 {
-        let bytes: [u8; 4] = self.bytes.get(at..).and_then(|own| own.first_chunk()).copied().unwrap_or_default();
+        let bytes: [u8; 4] =
+            self.bytes.get(at..).and_then(|bytes_there| bytes_there.first_chunk()).copied().unwrap_or_default();
         if self.big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
     }
 }

@@ -70,8 +70,18 @@ pub(super) fn array(name: String, map: Arc<Map>, place: std::ops::Range<usize>) 
         .first_chunk::<2>()
         .ok_or_else(short)?;
     let (length, begin) = match major {
-        1 => (bytes.get(8..10).map(|own| own.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte))), 10),
-        2 | 3 => (bytes.get(8..12).map(|own| own.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte))), 12),
+        1 => (
+            bytes
+                .get(8..10)
+                .map(|bytes_there| bytes_there.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte))),
+            10,
+        ),
+        2 | 3 => (
+            bytes
+                .get(8..12)
+                .map(|bytes_there| bytes_there.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte))),
+            12,
+        ),
         _ => return Err(format!("the version {major} of its head is unknown")),
     };
     let head = length.and_then(|length: usize| bytes.get(begin..begin + length)).ok_or_else(short)?;

@@ -141,11 +141,11 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
 /// Puts numbers of eight bytes from an entry's extra fields in the place of those that four cannot hold.
 fn wide(mut extra: &[u8], sizes: &mut [u64; 3]) {
     while let (Some(kind), Some(size)) = (number::<2>(extra, 0), place(number::<2>(extra, 2))) {
-        let Some(own) = extra.get(4..4 + size) else { return };
+        let Some(field) = extra.get(4..4 + size) else { return };
         if kind == 1 {
             let mut at = 0;
             for value in sizes.iter_mut().filter(|value| **value == u64::from(u32::MAX)) {
-                let Some(number) = number::<8>(own, at) else { return };
+                let Some(number) = number::<8>(field, at) else { return };
                 *value = number;
                 at += 8;
             }

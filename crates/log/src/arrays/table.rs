@@ -153,18 +153,18 @@ impl MemoryTable for ArrayTable {
 
     fn selected(&self, column: usize) -> Result<Column, Error> {
         let path = || Path::new(&self.name).to_path_buf();
-        let own = &self.columns[column];
+        let array = &self.columns[column];
         match &self.parts[column].element {
             Element::Other { kind, .. } => {
-                Err(Error::UnsupportedColumn { path: path(), column: own.name.clone(), kind: kind.clone() })
+                Err(Error::UnsupportedColumn { path: path(), column: array.name.clone(), kind: kind.clone() })
             }
             Element::Text { .. } => {
                 let many =
-                    || Error::TooManyCategories { path: path(), column: own.name.clone(), limit: MAX_CATEGORIES };
+                    || Error::TooManyCategories { path: path(), column: array.name.clone(), limit: MAX_CATEGORIES };
                 let (names, _) = self.texts(column).ok_or_else(many)?;
-                Ok(Column { kind: ColumnKind::Category(names.clone()), ..own.clone() })
+                Ok(Column { kind: ColumnKind::Category(names.clone()), ..array.clone() })
             }
-            _ => Ok(own.clone()),
+            _ => Ok(array.clone()),
         }
     }
 

@@ -44,22 +44,28 @@ fn every_number_of_arrays() {
         let (name, columns) = (told["file"].as_str().unwrap(), told["columns"].as_object().unwrap());
         let names: Vec<&str> = columns.keys().map(String::as_str).collect();
         let listed = inspect(fixture(name)).unwrap();
-        let mut own: Vec<&str> =
-            listed.columns.iter().filter(|own| own.unsupported.is_none()).map(|own| own.name.as_str()).collect();
-        own.sort_unstable();
-        assert_eq!(own, names, "{name}");
+        let mut columns_read: Vec<&str> = listed
+            .columns
+            .iter()
+            .filter(|column| column.unsupported.is_none())
+            .map(|column| column.name.as_str())
+            .collect();
+        columns_read.sort_unstable();
+        assert_eq!(columns_read, names, "{name}");
         let selection = Selection { time: TimeSpec::Uniform { dt_seconds: 1.0 }, ..Selection::new(names) };
         let recording = open(&[fixture(name)], &selection).unwrap();
         let rows = told["rows"].as_u64().unwrap() as usize;
         let block = recording.read(0, 0..rows, Halo::default()).unwrap();
         for (place, (column, values)) in columns.iter().enumerate() {
             for (row, value) in values.as_array().unwrap().iter().enumerate() {
-                let own = block.column(place)[row];
+                let read_value = block.column(place)[row];
                 numbers += 1;
                 match (value.as_str(), &recording.columns()[place].kind) {
-                    (Some(text), ColumnKind::Category(names)) => assert_eq!(names[own as usize], text, "{column}"),
-                    (None, _) if value.is_null() => assert!(own.is_nan(), "{name}: {column}, row {row}"),
-                    _ => assert_eq!(Some(own), value.as_f64(), "{name}: {column}, row {row}"),
+                    (Some(text), ColumnKind::Category(names)) => {
+                        assert_eq!(names[read_value as usize], text, "{column}")
+                    }
+                    (None, _) if value.is_null() => assert!(read_value.is_nan(), "{name}: {column}, row {row}"),
+                    _ => assert_eq!(Some(read_value), value.as_f64(), "{name}: {column}, row {row}"),
                 }
             }
         }

@@ -92,10 +92,10 @@ fn decode_piece(
     let mut rows: Vec<Row> = plan.topics.iter().map(|topic| Row::new(topic.extract.as_ref())).collect();
     let mut topics: Vec<TopicPart> = plan.topics.iter().map(TopicPart::new).collect();
     container.read_piece(piece, wanted, &mut |topic, log_time, publish_time, data| {
-        let Some(used) = wanted.iter().position(|&own| own == topic) else { return Ok(()) };
-        let (own, row) = (&plan.topics[used], &mut rows[used]);
-        match own.extract.extract(data, row) {
-            Ok(()) => topics[used].add(own, row, [log_time, publish_time], plan),
+        let Some(used) = wanted.iter().position(|&used_topic| used_topic == topic) else { return Ok(()) };
+        let (used_topic, row) = (&plan.topics[used], &mut rows[used]);
+        match used_topic.extract.extract(data, row) {
+            Ok(()) => topics[used].add(used_topic, row, [log_time, publish_time], plan),
             Err(error) => {
                 let (count, first) = &mut topics[used].failed;
                 *count += 1;
@@ -184,9 +184,9 @@ impl<'a> Sink<'a> {
         for (t, part) in parts.into_iter().enumerate() {
             let plan = &self.plan.topics[t];
             let fields = &mut self.fields[t];
-            for (all, own) in fields.met.iter_mut().zip(&part.met) {
-                all.text |= own.text;
-                all.number |= own.number;
+            for (all, part_met) in fields.met.iter_mut().zip(&part.met) {
+                all.text |= part_met.text;
+                all.number |= part_met.number;
             }
             let codes: Vec<f64> = part.texts.names().iter().map(|name| fields.texts.code(name)).collect();
             self.failed[t].0 += part.failed.0;

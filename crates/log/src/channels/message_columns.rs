@@ -53,14 +53,14 @@ impl Messages {
         let index = self.container.topic(topic)?;
         let mut samples = sample(self.container.as_ref(), &[index], progress)?;
         let Some(sample) = samples.pop() else { return Ok(Vec::new()) };
-        let own = &self.container.topics()[index];
+        let info = &self.container.topics()[index];
         let wrong = |problem: String| Error::Topic {
             path: self.path.clone(),
             topic: topic.to_owned(),
-            type_name: own.type_name.clone(),
+            type_name: info.type_name.clone(),
             problem,
         };
-        let problem = own.problem.clone().or_else(|| sample.codec.as_ref().err().map(ToString::to_string));
+        let problem = info.problem.clone().or_else(|| sample.codec.as_ref().err().map(ToString::to_string));
         if let Some(problem) = problem {
             return Err(wrong(problem));
         }
@@ -92,7 +92,7 @@ impl Messages {
         progress: &dyn Progress,
     ) -> Result<MessageColumns, Error> {
         let found = self.fields(topic, progress)?;
-        let of = |name: &String| found.iter().find(|(own, _)| own == name).cloned();
+        let of = |name: &String| found.iter().find(|(field_name, _)| field_name == name).cloned();
         let wanted: Vec<(String, ColumnKind)> = match fields {
             None => found.clone(),
             Some(names) => {

@@ -104,7 +104,7 @@ impl Messages {
 
     pub(super) fn extract(&self, topic: &str, fields: &[&str]) -> Result<(usize, Box<dyn Extract>), Error> {
         let index = self.container.topic(topic)?;
-        let own = &self.container.topics()[index];
+        let info = &self.container.topics()[index];
         let paths: Vec<FieldPath> = fields
             .iter()
             .map(|field| {
@@ -115,11 +115,11 @@ impl Messages {
                 })
             })
             .collect::<Result<_, _>>()?;
-        let extract = codec(&own.message_encoding, own.schema()).and_then(|codec| codec.compile(&paths));
+        let extract = codec(&info.message_encoding, info.schema()).and_then(|codec| codec.compile(&paths));
         let extract = extract.map_err(|problem| Error::Topic {
             path: self.path.clone(),
             topic: topic.to_owned(),
-            type_name: own.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
+            type_name: info.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
             problem: problem.to_string(),
         })?;
         Ok((index, extract))

@@ -244,7 +244,7 @@ impl Builder<'_> {
 
     /// A base of which no column is selected is decoded for its stamps: any field of it will do.
     fn base_needs_a_field(&mut self, topic: usize, seen: &[Vec<FieldInfo>]) -> Result<(), Error> {
-        let used = self.used.iter().position(|&own| own == topic).unwrap_or_default();
+        let used = self.used.iter().position(|&used_topic| used_topic == topic).unwrap_or_default();
         if self.fields[used].is_empty() {
             let any = seen[used].iter().find_map(|info| info.path.parse::<FieldPath>().ok());
             let Some(any) = any else { return Err(self.unreadable(used)) };
@@ -293,20 +293,20 @@ impl Builder<'_> {
     ) -> Result<Option<FieldClock>, Error> {
         let TimeSpec::Column { name, unit } = &selection.time else { return Ok(None) };
         let field = ask(self.path, &self.names, name)?.path;
-        let refuse = |own: &Self, used: usize, problem: String| {
-            let type_name = own.container.topics()[own.used[used]].type_name.clone();
-            Error::Topic { path: own.path.into(), topic: own.name(used), type_name, problem }
+        let refuse = |plan: &Self, used: usize, problem: String| {
+            let type_name = plan.container.topics()[plan.used[used]].type_name.clone();
+            Error::Topic { path: plan.path.into(), topic: plan.name(used), type_name, problem }
         };
         let mut slots = Vec::new();
         for used in 0..self.used.len() {
-            let found = like(&seen[used], &field).filter(|info| info.kind != FieldKind::Text).is_some();
-            if !found && !latched[used] {
+            let has_number = like(&seen[used], &field).filter(|info| info.kind != FieldKind::Text).is_some();
+            if !has_number && !latched[used] {
                 let problem = format!(
                     "its messages lack the number `{field}` that is the clock: choose a field that all channels in use have, or leave this channel out"
                 );
                 return Err(refuse(self, used, problem));
             }
-            slots.push(found.then(|| self.field(used, &field)));
+            slots.push(has_number.then(|| self.field(used, &field)));
         }
         let told =
             || (0..self.used.len()).find_map(|used| clock::unit_of(slots[used].map(|_| &self.samples[used])?, &field));
@@ -351,7 +351,7 @@ impl Builder<'_> {
 
     /// The series of the base: the group whose key the name has, else the first of the topic.
     fn base_series(&self, topic: usize, rest: &str, topics: &[TopicPlan]) -> usize {
-        let used = self.used.iter().position(|&own| own == topic).unwrap_or_default();
+        let used = self.used.iter().position(|&used_topic| used_topic == topic).unwrap_or_default();
         let groups = topics[used].extract.groups();
         let keyed = groups.iter().position(|group| {
             group.key.as_ref().is_some_and(|key| {
@@ -366,8 +366,8 @@ impl Builder<'_> {
 
 /// Returns true if all columns of a topic hold without limit.
 fn is_latched(used: usize, slots: &[Slot]) -> bool {
-    let mut own = slots.iter().filter(|slot| slot.used == used).peekable();
-    own.peek().is_some() && own.all(|slot| slot.kind == JoinKind::Hold && slot.gap == MaxGap::Unlimited)
+    let mut of_topic = slots.iter().filter(|slot| slot.used == used).peekable();
+    of_topic.peek().is_some() && of_topic.all(|slot| slot.kind == JoinKind::Hold && slot.gap == MaxGap::Unlimited)
 }
 
 /// Source of a column's values, before topics are compiled.
@@ -386,8 +386,8 @@ impl Slot {
         let topic = &topics[self.used];
         let groups = topic.extract.groups();
         let find = |slot: usize| {
-            groups.iter().enumerate().find_map(|(group, own)| {
-                own.slots.iter().position(|&field| field == slot).map(|column| (group, column))
+            groups.iter().enumerate().find_map(|(group, members)| {
+                members.slots.iter().position(|&field| field == slot).map(|column| (group, column))
             })
         };
         let (group, column) = find(self.slot).unwrap_or_default();
@@ -424,9 +424,9 @@ fn like<'a>(seen: &'a [FieldInfo], path: &FieldPath) -> Option<&'a FieldInfo> {
     let text = path.to_string();
     seen.iter().find(|info| info.path == text).or_else(|| {
         seen.iter().find(|info| {
-            info.path.parse::<FieldPath>().is_ok_and(|own| {
-                own.steps.len() == path.steps.len()
-                    && own.steps.iter().zip(&path.steps).all(|(a, b)| match (a, b) {
+            info.path.parse::<FieldPath>().is_ok_and(|info_path| {
+                info_path.steps.len() == path.steps.len()
+                    && info_path.steps.iter().zip(&path.steps).all(|(a, b)| match (a, b) {
                         (Step::Field(a), Step::Field(b)) => a == b,
                         (Step::Field(_), _) | (_, Step::Field(_)) => false,
                         _ => true,

@@ -41,7 +41,7 @@ pub(super) fn sample(
     let pieces = places(container, topics);
     let mut found: Vec<Vec<Message>> = topics.iter().map(|_| Vec::new()).collect();
     for part in parallel_map(pieces.len(), progress, |i| look(container, pieces[i], topics))? {
-        part.into_iter().for_each(|(place, own)| found[place].extend(own));
+        part.into_iter().for_each(|(place, part_messages)| found[place].extend(part_messages));
     }
     let rest = (0..container.pieces()).filter(|piece| !pieces.contains(piece)).take(SEARCH);
     for piece in rest {
@@ -53,7 +53,9 @@ pub(super) fn sample(
         if progress.cancelled() {
             return Err(Cancelled.into());
         }
-        look(container, piece, &wanted)?.into_iter().for_each(|(place, own)| found[missing[place]].extend(own));
+        look(container, piece, &wanted)?
+            .into_iter()
+            .for_each(|(place, part_messages)| found[missing[place]].extend(part_messages));
     }
     Ok(topics.iter().zip(found).map(|(&topic, messages)| judge(container, topic, messages)).collect())
 }
@@ -75,12 +77,12 @@ fn places(container: &dyn Container, topics: &[usize]) -> Vec<usize> {
     }
     let mut places = Vec::new();
     for topic in topics {
-        let mut own = having.remove(topic).unwrap_or_default();
-        own.extend(&any);
-        own.sort_unstable();
-        own.dedup();
-        if let (Some(first), Some(last)) = (own.first(), own.last()) {
-            places.extend([*first, own[own.len() / 2], *last]);
+        let mut indexed = having.remove(topic).unwrap_or_default();
+        indexed.extend(&any);
+        indexed.sort_unstable();
+        indexed.dedup();
+        if let (Some(first), Some(last)) = (indexed.first(), indexed.last()) {
+            places.extend([*first, indexed[indexed.len() / 2], *last]);
         }
     }
     places.sort_unstable();

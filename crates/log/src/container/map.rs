@@ -166,9 +166,9 @@ fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
         (b"\x89HDF", "HDF5", "convert it to Parquet or CSV"),
     ];
     let start = bytes.get(..bytes.len().min(512)).unwrap_or_default();
-    let found = looks.iter().find(|(magic, ..)| start.starts_with(magic));
+    let magic_match = looks.iter().find(|(magic, ..)| start.starts_with(magic));
     let text = start.iter().all(|&byte| byte >= 0x20 || matches!(byte, b'\t' | b'\n' | b'\r'));
-    let (what, mend) = match found {
+    let (what, mend) = match magic_match {
         Some((_, what, mend)) => (format!("it is {what}"), *mend),
         None if kind.magic.starts_with(start) => ("only the first bytes are there".to_owned(), "copy it again"),
         None if text => ("it is text".to_owned(), "give it the extension of its format (.csv, .tsv)"),

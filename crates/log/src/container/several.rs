@@ -25,11 +25,16 @@ pub(crate) struct Several {
 impl Several {
     /// Joins open files; `path` is the folder that names them, or the first of them.
     pub(crate) fn new(path: &Path, files: Vec<Box<dyn Container>>) -> Self {
-        let names: BTreeSet<&str> = files.iter().flat_map(|file| file.topics()).map(|own| own.name.as_str()).collect();
+        let names: BTreeSet<&str> =
+            files.iter().flat_map(|file| file.topics()).map(|topic_info| topic_info.name.as_str()).collect();
         let topics: Vec<Topic> = names.iter().filter_map(|name| joined(&files, name)).collect();
-        let place = |topic: &Topic| topics.binary_search_by(|own| own.name.cmp(&topic.name)).unwrap_or_default();
+        let place =
+            |topic: &Topic| topics.binary_search_by(|topic_info| topic_info.name.cmp(&topic.name)).unwrap_or_default();
         let topic_of = files.iter().map(|file| file.topics().iter().map(place).collect()).collect();
-        let pieces = files.iter().enumerate().flat_map(|(file, own)| (0..own.pieces()).map(move |piece| (file, piece)));
+        let pieces = files
+            .iter()
+            .enumerate()
+            .flat_map(|(file, container)| (0..container.pieces()).map(move |piece| (file, piece)));
         let pieces = pieces.collect();
         let mut breaks: Vec<i64> = files.iter().flat_map(|file| file.breaks()).copied().collect();
         breaks.sort_unstable();
@@ -38,16 +43,16 @@ impl Several {
 
     /// The file of a piece, its place there, and the places of that file's topics among all.
     fn piece(&self, piece: usize) -> Option<(&dyn Container, usize, &[usize])> {
-        let &(file, own) = self.pieces.get(piece)?;
-        Some((self.files.get(file)?.as_ref(), own, self.topic_of.get(file)?))
+        let &(file, local_piece) = self.pieces.get(piece)?;
+        Some((self.files.get(file)?.as_ref(), local_piece, self.topic_of.get(file)?))
     }
 }
 
 /// A topic as all files have it.
 fn joined(files: &[Box<dyn Container>], name: &str) -> Option<Topic> {
-    let mut own = files.iter().flat_map(|file| file.topics()).filter(|topic| topic.name == name);
-    let mut all = own.next()?.clone();
-    for topic in own {
+    let mut same_name = files.iter().flat_map(|file| file.topics()).filter(|topic| topic.name == name);
+    let mut all = same_name.next()?.clone();
+    for topic in same_name {
         all.count = all.count.zip(topic.count).map(|(sum, count)| sum.saturating_add(count));
         let problem =
             topic.problem.clone().or_else(|| all.contradiction(&topic.message_encoding, topic.schema.as_ref()));
@@ -84,30 +89,30 @@ impl Container for Several {
     }
 
     fn messages(&self, piece: usize) -> Option<u64> {
-        let (file, own, _) = self.piece(piece)?;
-        file.messages(own)
+        let (file, local_piece, _) = self.piece(piece)?;
+        file.messages(local_piece)
     }
 
     fn wanted_messages(&self, piece: usize, wanted: &[usize]) -> Option<u64> {
-        let (file, own, places) = self.piece(piece)?;
-        file.wanted_messages(own, &within(wanted, places))
+        let (file, local_piece, places) = self.piece(piece)?;
+        file.wanted_messages(local_piece, &within(wanted, places))
     }
 
     fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some((file, own, places)) = self.piece(piece) else { return Ok(()) };
-        file.read_piece(own, &within(wanted, places), &mut |topic, log, publish, data| {
+        let Some((file, local_piece, places)) = self.piece(piece) else { return Ok(()) };
+        file.read_piece(local_piece, &within(wanted, places), &mut |topic, log, publish, data| {
             each(places.get(topic).copied().unwrap_or(topic), log, publish, data)
         })
     }
 
     fn indexed_times(&self, piece: usize) -> Option<BTreeMap<usize, Vec<i64>>> {
-        let (file, own, places) = self.piece(piece)?;
-        Some(renamed(file.indexed_times(own)?, places))
+        let (file, local_piece, places) = self.piece(piece)?;
+        Some(renamed(file.indexed_times(local_piece)?, places))
     }
 
     fn indexed_spans(&self, piece: usize) -> Option<BTreeMap<usize, Span>> {
-        let (file, own, places) = self.piece(piece)?;
-        Some(renamed(file.indexed_spans(own)?, places))
+        let (file, local_piece, places) = self.piece(piece)?;
+        Some(renamed(file.indexed_spans(local_piece)?, places))
     }
 
     fn breaks(&self) -> &[i64] {
@@ -115,8 +120,8 @@ impl Container for Several {
     }
 
     fn topics_of(&self, piece: usize) -> Option<Vec<usize>> {
-        let (file, own, places) = self.piece(piece)?;
-        Some(file.topics_of(own)?.into_iter().filter_map(|topic| places.get(topic).copied()).collect())
+        let (file, local_piece, places) = self.piece(piece)?;
+        Some(file.topics_of(local_piece)?.into_iter().filter_map(|topic| places.get(topic).copied()).collect())
     }
 
     fn metadata(&self) -> BTreeMap<String, String> {

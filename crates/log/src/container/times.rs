@@ -97,8 +97,8 @@ impl TopicTimes {
     /// Adds messages of which only the span is kept.
     fn add(&mut self, count: u64, first: i64, last: i64) {
         self.count += count;
-        self.first = Some(self.first.map_or(first, |own| own.min(first)));
-        self.last = Some(self.last.map_or(last, |own| own.max(last)));
+        self.first = Some(self.first.map_or(first, |known_first| known_first.min(first)));
+        self.last = Some(self.last.map_or(last, |known_last| known_last.max(last)));
     }
 }
 
@@ -112,12 +112,12 @@ type PieceTimes = BTreeMap<usize, Vec<i64>>;
 pub(crate) fn summary(container: &dyn Container, progress: &dyn Progress) -> Result<LogInfo, Error> {
     let mut info = LogInfo { notes: container.notes(), ..LogInfo::default() };
     let pieces = container.pieces();
-    let told: Vec<Option<u64>> = (0..pieces).map(|piece| container.messages(piece)).collect();
-    let unindexed = told.iter().filter(|messages| messages.is_none()).count();
+    let counts: Vec<Option<u64>> = (0..pieces).map(|piece| container.messages(piece)).collect();
+    let unindexed = counts.iter().filter(|messages| messages.is_none()).count();
     if unindexed > 0 {
         info.notes.push(format!("{unindexed} of its {pieces} parts have no message index and were read in full"));
     }
-    let known: u64 = told.into_iter().flatten().fold(0, u64::saturating_add);
+    let known: u64 = counts.into_iter().flatten().fold(0, u64::saturating_add);
     progress.stage("reading indexes");
     info.topics = if known > MAX_STAMPS {
         info.notes.push(format!(
@@ -135,19 +135,19 @@ fn periods(container: &dyn Container, progress: &dyn Progress) -> Result<Vec<Top
     let pieces = parallel_map(container.pieces(), progress, |piece| piece_times(container, piece))?;
     let mut stamps: Vec<Vec<i64>> = vec![Vec::new(); container.topics().len()];
     for (topic, times) in pieces.into_iter().flatten() {
-        if let Some(own) = stamps.get_mut(topic) {
-            own.extend(times);
+        if let Some(times_of_topic) = stamps.get_mut(topic) {
+            times_of_topic.extend(times);
         }
     }
-    Ok(parallel_pieces(&mut stamps, 1, |_, own| TopicTimes::of(std::mem::take(&mut own[0]))))
+    Ok(parallel_pieces(&mut stamps, 1, |_, times_of_topic| TopicTimes::of(std::mem::take(&mut times_of_topic[0]))))
 }
 
 fn spans(container: &dyn Container, progress: &dyn Progress) -> Result<Vec<TopicTimes>, Error> {
     let mut spans: Vec<Vec<Span>> = vec![Vec::new(); container.topics().len()];
     for piece in parallel_map(container.pieces(), progress, |piece| piece_spans(container, piece))? {
         for (topic, span) in piece {
-            if let Some(own) = spans.get_mut(topic) {
-                own.push(span);
+            if let Some(span_of_topic) = spans.get_mut(topic) {
+                span_of_topic.push(span);
             }
         }
     }

@@ -132,9 +132,9 @@ mod tests {
         let text = "  t   x [m / s]\t\tname \n0.0  1.5   \"a b\"\n\n  0.1\t 2 c  \r\n1 2 3   ";
         let expected = "  t\t  x [m / s]\t name \n0.0\t 1.5\t  \"a b\"\n\n  0.1\t 2\tc  \r\n1\t2\t3   ";
         for piece in 1..12 {
-            let mut found = String::new();
-            Converted::new(Slow(text.as_bytes(), piece), Separator::new()).read_to_string(&mut found).unwrap();
-            assert_eq!(found, expected, "{piece} bytes at a time");
+            let mut output = String::new();
+            Converted::new(Slow(text.as_bytes(), piece), Separator::new()).read_to_string(&mut output).unwrap();
+            assert_eq!(output, expected, "{piece} bytes at a time");
         }
     }
 }

@@ -241,9 +241,9 @@ mod tests {
         for piece in 1..12 {
             let comments = Comments::new(Delimiter::Byte(b','), true).below(b"t,x");
             let left_out = comments.left_out();
-            let mut found = Vec::new();
-            Converted::new(Slow(text.as_bytes(), piece), comments).read_to_end(&mut found).unwrap();
-            assert_eq!(String::from_utf8_lossy(&found), String::from_utf8_lossy(&expected), "{piece} bytes at a time");
+            let mut output = Vec::new();
+            Converted::new(Slow(text.as_bytes(), piece), comments).read_to_end(&mut output).unwrap();
+            assert_eq!(String::from_utf8_lossy(&output), String::from_utf8_lossy(&expected), "{piece} bytes at a time");
             assert_eq!((left_out.behind_header(), left_out.ends()), ((5, at(" # a") as u64), true));
         }
         // Where `;` delimits, it begins no comment.
@@ -253,8 +253,8 @@ mod tests {
     #[test]
     fn a_comment_without_an_end_is_read_once() {
         let text = [b"t,x\n#".to_vec(), vec![b'-'; 8 << 20]].concat();
-        let mut found = Vec::new();
-        Converted::new(&text[..], Comments::new(Delimiter::Byte(b','), true)).read_to_end(&mut found).unwrap();
-        assert!(found.len() == text.len() && found[4..].iter().all(|&byte| byte == b'\n'));
+        let mut output = Vec::new();
+        Converted::new(&text[..], Comments::new(Delimiter::Byte(b','), true)).read_to_end(&mut output).unwrap();
+        assert!(output.len() == text.len() && output[4..].iter().all(|&byte| byte == b'\n'));
     }
 }

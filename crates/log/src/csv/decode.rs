@@ -126,13 +126,13 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             if record.len() == 1 && record[0].trim_ascii().is_empty() {
                 continue;
             }
-            let found = record.len();
+            let fields_here = record.len();
             let last = !rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
-            if last && found < expected && is_cut() {
+            if last && fields_here < expected && is_cut() {
                 notes.push(CUT.into());
                 break;
             }
-            return Err(plan.ragged(at, found));
+            return Err(plan.ragged(at, fields_here));
         }
         let stamp = plan.stamp(&record).and_then(|stamp| {
             for (decoder, value) in columns.iter_mut().zip(&mut values) {

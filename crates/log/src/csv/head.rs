@@ -216,7 +216,10 @@ impl Head {
                 let before = dates_note(name, *order, EITHER_ORDER);
                 *order = common;
                 let note = dates_note(name, common, if certain { AS_OTHERS } else { EITHER_ORDER });
-                self.notes.iter_mut().filter(|own| **own == before).for_each(|own| own.clone_from(&note));
+                self.notes
+                    .iter_mut()
+                    .filter(|note_line| **note_line == before)
+                    .for_each(|note_line| note_line.clone_from(&note));
             }
         }
     }

@@ -199,16 +199,16 @@ pub(super) mod tests {
             (b"", b""),
         ] {
             for piece in [1, 2, 3, 100] {
-                let mut found = Vec::new();
-                WithoutZeroTail::new(Slow(bytes, piece)).read_to_end(&mut found).unwrap();
-                assert_eq!(found, expected, "{piece} bytes at a time");
-                let mut found = Vec::new();
+                let mut output = Vec::new();
+                WithoutZeroTail::new(Slow(bytes, piece)).read_to_end(&mut output).unwrap();
+                assert_eq!(output, expected, "{piece} bytes at a time");
+                let mut output = Vec::new();
                 let mut one = [0];
                 let mut reader = WithoutZeroTail::new(Slow(bytes, piece));
                 while reader.read(&mut one).unwrap() == 1 {
-                    found.push(one[0]);
+                    output.push(one[0]);
                 }
-                assert_eq!(found, expected, "{piece} bytes at a time, one by one");
+                assert_eq!(output, expected, "{piece} bytes at a time, one by one");
             }
         }
     }

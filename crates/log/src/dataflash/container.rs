@@ -51,30 +51,35 @@ impl DataflashContainer {
 
     /// The topics of a piece with their messages, by their places among all.
     fn spans<'a>(&'a self, piece: &'a Piece) -> impl Iterator<Item = (usize, Span)> + 'a {
-        piece.topics.iter().filter_map(|(found, span)| Some((*self.place_of.get(*found)?, *span)))
+        piece.topics.iter().filter_map(|(index, span)| Some((*self.place_of.get(*index)?, *span)))
     }
 }
 
 /// The topics sorted by name, and for each that was found its place among them.
 fn topics(scan: &Scan) -> (Vec<Topic>, Vec<usize>) {
-    let found = &scan.topics.found;
-    let mut counts = vec![0; found.len()];
+    let names_of_topics = &scan.topics.found;
+    let mut counts = vec![0; names_of_topics.len()];
     for (topic, span) in scan.pieces.iter().flat_map(|piece| &piece.topics) {
         if let Some(count) = counts.get_mut(*topic) {
             *count += span.count;
         }
     }
     // Two instances whose texts become one name are one topic.
-    let mut names: Vec<&str> = found.iter().map(|(_, name)| name.as_str()).collect();
+    let mut names: Vec<&str> = names_of_topics.iter().map(|(_, name)| name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
     let place = |name: &str| names.binary_search(&name).unwrap_or_default();
-    let place_of: Vec<usize> = found.iter().map(|(_, name)| place(name)).collect();
+    let place_of: Vec<usize> = names_of_topics.iter().map(|(_, name)| place(name)).collect();
     let topics = names.iter().enumerate().filter_map(|(at, name)| {
-        let own = |(_, place): &(usize, &usize)| **place == at;
-        let count = place_of.iter().enumerate().filter(own).filter_map(|(found, _)| counts.get(found)).sum();
+        let is_here = |(_, place): &(usize, &usize)| **place == at;
+        let count = place_of
+            .iter()
+            .enumerate()
+            .filter(is_here)
+            .filter_map(|(names_of_topics, _)| counts.get(names_of_topics))
+            .sum();
         let first = place_of.iter().position(|place| *place == at)?;
-        let format = scan.definitions.formats.get(found.get(first)?.0)?;
+        let format = scan.definitions.formats.get(names_of_topics.get(first)?.0)?;
         Some(scan.definitions.topic(format, (*name).to_owned(), count))
     });
     (topics.collect(), place_of)
@@ -113,8 +118,8 @@ impl Container for DataflashContainer {
         }
         let mut is_wanted = vec![false; self.topics.len()];
         for &topic in wanted {
-            if let Some(own) = is_wanted.get_mut(topic) {
-                *own = true;
+            if let Some(is_used) = is_wanted.get_mut(topic) {
+                *is_used = true;
             }
         }
         let Scan { form, definitions, topics, .. } = &self.scan;
@@ -128,7 +133,7 @@ impl Container for DataflashContainer {
             };
             let Some(time) = stamp(format, &record.payload, last) else { continue };
             last = time;
-            let topic = topics.of(record.kind, format, &record.payload).and_then(|found| self.place_of.get(found));
+            let topic = topics.of(record.kind, format, &record.payload).and_then(|index| self.place_of.get(index));
             if let Some(&topic) = topic
                 && is_wanted.get(topic) == Some(&true)
             {
@@ -145,7 +150,7 @@ impl Container for DataflashContainer {
     fn indexed_spans(&self, piece: usize) -> Option<BTreeMap<usize, Span>> {
         let mut spans: BTreeMap<usize, Span> = BTreeMap::new();
         self.spans(self.piece(piece)?).for_each(|(topic, span)| {
-            spans.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+            spans.entry(topic).and_modify(|earlier| earlier.join(&span)).or_insert(span);
         });
         Some(spans)
     }

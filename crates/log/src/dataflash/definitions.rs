@@ -98,12 +98,13 @@ impl Definitions {
                 self.formats.names.entry(new.name.clone()).or_insert(kind);
                 *place = Some(new);
             }
-            Some(own) => {
-                let same = (&own.name, &own.original, &own.columns) == (&new.name, &new.original, &new.columns);
+            Some(known_format) => {
+                let same = (&known_format.name, &known_format.original, &known_format.columns)
+                    == (&new.name, &new.original, &new.columns);
                 if !same {
                     self.notes.insert(format!(
                         "the type {kind} is defined twice, as `{}` and as `{}`: the first is used",
-                        own.name, new.name
+                        known_format.name, new.name
                     ));
                 }
             }

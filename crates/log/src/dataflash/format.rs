@@ -77,7 +77,7 @@ impl Format {
             _ => None,
         };
         let length = if form == Form::Text { sizes.unwrap_or(0) } else { length };
-        let mut own = Self {
+        let mut new_format = Self {
             name: name.to_owned(),
             letters,
             original,
@@ -89,13 +89,13 @@ impl Format {
             instance: None,
             problem,
         };
-        own.clock = TIME.iter().find_map(|(name, unit)| Some((own.field(name)?, *unit)));
-        own
+        new_format.clock = TIME.iter().find_map(|(name, unit)| Some((new_format.field(name)?, *unit)));
+        new_format
     }
 
     /// A field by its name.
     pub(super) fn field(&self, name: &str) -> Option<Field> {
-        self.at(self.columns.iter().position(|own| own == name)?)
+        self.at(self.columns.iter().position(|column| column == name)?)
     }
 
     pub(super) fn at(&self, place: usize) -> Option<Field> {
@@ -136,11 +136,11 @@ pub(super) struct Formats {
 
 impl Formats {
     pub(super) fn new(form: Form) -> Self {
-        let own = Format::new(form, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 86);
+        let fmt = Format::new(form, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 86);
         let mut formats = Self { form, all: vec![None; 256], names: BTreeMap::new() };
-        formats.names.insert(own.name.clone(), FMT);
+        formats.names.insert(fmt.name.clone(), FMT);
         if let Some(place) = formats.all.get_mut(usize::from(FMT)) {
-            *place = Some(own);
+            *place = Some(fmt);
         }
         formats
     }

@@ -67,24 +67,27 @@ impl Topics {
 
     /// The topic of a message, which may be its first.
     fn take(&mut self, kind: u8, format: &Format, payload: &[u8]) -> Option<usize> {
-        if let Some(own) = self.of(kind, format, payload) {
-            return Some(own);
+        if let Some(number_of_topic) = self.of(kind, format, payload) {
+            return Some(number_of_topic);
         }
         if self.found.len() >= MAX_TOPICS {
             return None;
         }
         let key = key(format, payload);
         let instance = format.instance.and_then(|field| instance(key, field)).filter(|instance| instance != "0");
-        let name = instance.map_or_else(|| format!("/{}", format.name), |own| format!("/{}.{own}", format.name));
+        let name = instance.map_or_else(
+            || format!("/{}", format.name),
+            |number_of_topic| format!("/{}.{number_of_topic}", format.name),
+        );
         self.places.resize_with(256, Places::default);
-        let (own, topic) = (self.places.get_mut(usize::from(kind))?, self.found.len());
+        let (number_of_topic, topic) = (self.places.get_mut(usize::from(kind))?, self.found.len());
         match key {
-            [] => own.only = Some(topic),
+            [] => number_of_topic.only = Some(topic),
             [instance] => {
-                own.bytes.resize(256, None);
-                *own.bytes.get_mut(usize::from(*instance))? = Some(topic);
+                number_of_topic.bytes.resize(256, None);
+                *number_of_topic.bytes.get_mut(usize::from(*instance))? = Some(topic);
             }
-            key => drop(own.others.insert(key.to_vec(), topic)),
+            key => drop(number_of_topic.others.insert(key.to_vec(), topic)),
         }
         self.found.push((kind, name));
         Some(topic)
@@ -261,7 +264,7 @@ impl Scan {
                         let span = Span { count: 1, first: last, last };
                         spans.resize(spans.len().max(topic + 1), None);
                         match spans.get_mut(topic) {
-                            Some(Some(own)) => own.join(&span),
+                            Some(Some(known_span)) => known_span.join(&span),
                             Some(none) => *none = Some(span),
                             None => {}
                         }

@@ -55,7 +55,8 @@ fn topics_are_types_and_their_instances() {
             ("/NVF.rpm", 3),
             ("/TICK", 2),
         ];
-        let expected: Vec<_> = expected.into_iter().filter(|own| name == "flight.bin" || *own != arrays).collect();
+        let expected: Vec<_> =
+            expected.into_iter().filter(|expected_name| name == "flight.bin" || *expected_name != arrays).collect();
         assert_eq!(topics, expected, "{name}");
         assert_eq!(read(&log), topics.iter().map(|(_, count)| *count).collect::<Vec<_>>(), "{name}");
         assert!(log.damage().is_empty() && log.notes().is_empty(), "{name}: {} {:?}", log.damage(), log.notes());

@@ -131,9 +131,9 @@ impl Stretch {
 
 /// The runs of a series as base. Every other series must share a moment with it, be it only one.
 fn series_stretches(series: &[Series], feeds: &[Feed], base: usize) -> Result<Vec<Stretch>, Error> {
-    let own = &series[base];
+    let base_stretches = &series[base];
     let matches = matches(series, feeds, base);
-    let rows = own.runs.iter().map(|run| Stamps::Rows { series: base, rows: run.rows.clone() });
+    let rows = base_stretches.runs.iter().map(|run| Stamps::Rows { series: base, rows: run.rows.clone() });
     let stretches: Vec<Stretch> = rows.zip(matches).map(|(stamps, matched)| Stretch { stamps, matched }).collect();
     for (place, feed) in feeds.iter().enumerate() {
         let other = &series[feed.series];
@@ -144,9 +144,9 @@ fn series_stretches(series: &[Series], feeds: &[Feed], base: usize) -> Result<Ve
             };
             start <= end
         };
-        let nothing_to_meet = own.runs.is_empty() || other.runs.is_empty();
-        if !nothing_to_meet && !own.runs.iter().zip(&stretches).any(meets) {
-            return Err(no_overlap(own, other));
+        let nothing_to_meet = base_stretches.runs.is_empty() || other.runs.is_empty();
+        if !nothing_to_meet && !base_stretches.runs.iter().zip(&stretches).any(meets) {
+            return Err(no_overlap(base_stretches, other));
         }
     }
     Ok(stretches)
@@ -154,17 +154,17 @@ fn series_stretches(series: &[Series], feeds: &[Feed], base: usize) -> Result<Ve
 
 /// For each run of the base and each feed: the feed's run.
 fn matches(series: &[Series], feeds: &[Feed], base: usize) -> Vec<Vec<Option<usize>>> {
-    let own = &series[base];
-    let alone = own.runs.len() == 1;
+    let base_stretches = &series[base];
+    let alone = base_stretches.runs.len() == 1;
     let log_times: Vec<LogTimes> = feeds.iter().map(|feed| LogTimes::new(&series[feed.series])).collect();
     let matched = |run: usize| {
         let of_feed = |(feed, log_times): (&Feed, &LogTimes)| match feed.series == base {
             true => Some(run),
-            false => log_times.matching(&own.runs[run], alone, feed.latched()),
+            false => log_times.matching(&base_stretches.runs[run], alone, feed.latched()),
         };
         feeds.iter().zip(&log_times).map(of_feed).collect()
     };
-    (0..own.runs.len()).map(matched).collect()
+    (0..base_stretches.runs.len()).map(matched).collect()
 }
 
 /// A grid for each run of the series that has most of them, over what the matching runs share.
@@ -181,8 +181,8 @@ fn grid_stretches(series: &[Series], feeds: &[Feed], hz: f64) -> Result<Vec<Stre
     let mut disjoint = None;
     for matched in matches(series, feeds, lead) {
         let runs = || {
-            let found = feeds.iter().zip(&matched);
-            found.filter_map(|(feed, &run)| Some((feed, &series[feed.series].runs[run?])))
+            let feeds_matched = feeds.iter().zip(&matched);
+            feeds_matched.filter_map(|(feed, &run)| Some((feed, &series[feed.series].runs[run?])))
         };
         let latest = runs().max_by_key(|(_, run)| run.start);
         let lasting = runs().filter(|(feed, _)| !feed.latched()).min_by_key(|(_, run)| run.end);
@@ -260,14 +260,12 @@ impl Block {
 impl Joiner<'_> {
     fn blocks(&self) -> Vec<BlockPlan> {
         let mut blocks = Vec::new();
-        for (stretch, own) in self.stretches.iter().enumerate() {
-            let starts = (0..own.rows()).step_by(self.block_rows);
-            blocks.extend(
-                starts.map(|from| BlockPlan {
-                    stretch,
-                    rows: from..from.saturating_add(self.block_rows).min(own.rows()),
-                }),
-            );
+        for (stretch, stretch_rows) in self.stretches.iter().enumerate() {
+            let starts = (0..stretch_rows.rows()).step_by(self.block_rows);
+            blocks.extend(starts.map(|from| BlockPlan {
+                stretch,
+                rows: from..from.saturating_add(self.block_rows).min(stretch_rows.rows()),
+            }));
         }
         blocks
     }
@@ -277,8 +275,8 @@ impl Joiner<'_> {
         let stamps = match &stretch.stamps {
             Stamps::Grid(grid) => plan.rows.clone().map(|row| grid.stamp(row)).collect(),
             Stamps::Rows { series, rows } => {
-                let own = rows.start + plan.rows.start..rows.start + plan.rows.end;
-                self.series[*series].store.stamps(own)?.to_vec()
+                let absolute = rows.start + plan.rows.start..rows.start + plan.rows.end;
+                self.series[*series].store.stamps(absolute)?.to_vec()
             }
         };
         let nothing = || vec![f64::NAN; stamps.len()];
@@ -367,8 +365,8 @@ fn last_at_or_before(series: &Series, rows: Range<usize>, stamp: i64) -> Result<
     let (mut low, mut high) = (rows.start, rows.end);
     while high - low > 1 {
         let middle = low + (high - low) / 2;
-        let found = series.store.stamps(middle..middle + 1)?;
-        if found.first().is_some_and(|&found| found <= stamp) {
+        let stamp_there = series.store.stamps(middle..middle + 1)?;
+        if stamp_there.first().is_some_and(|&stamp_there| stamp_there <= stamp) {
             low = middle;
         } else {
             high = middle;

@@ -80,7 +80,7 @@ pub(super) fn value(run: &[Sample], stamp: i64, kind: JoinKind, limit: i64) -> O
     let weight = if apart == 0 { 0.0 } else { (after.stamp - stamp) as f64 / apart as f64 };
     let weights = if apart == 0 { (1.0, 0.0) } else { (weight, (stamp - before.stamp) as f64 / apart as f64) };
     let (a, b) = (before.values, after.values);
-    let found = match kind {
+    let looked_up = match kind {
         JoinKind::Linear => vec![a[0] * weights.0 + b[0] * weights.1],
         // The angle between two directions by their products.
         JoinKind::Angle => {
@@ -90,7 +90,7 @@ pub(super) fn value(run: &[Sample], stamp: i64, kind: JoinKind, limit: i64) -> O
         }
         _ => rotate_part(matrix(&a[1..])?, matrix(&b[1..])?, weights.1),
     };
-    (!found.iter().any(|value| value.is_nan())).then_some(found)
+    (!looked_up.iter().any(|value| value.is_nan())).then_some(looked_up)
 }
 
 /// The rotation matrix of x, y, z, w; `None` for the zero quaternion.

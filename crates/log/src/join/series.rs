@@ -60,8 +60,8 @@ impl Counts {
             (self.repeated, "with the stamp of another"),
             (self.stray, "far out of order"),
         ];
-        let told = counts.into_iter().filter(|(count, _)| *count > 0);
-        told.map(move |(count, what)| format!("{count} {messages} {what} left out"))
+        let counted = counts.into_iter().filter(|(count, _)| *count > 0);
+        counted.map(move |(count, what)| format!("{count} {messages} {what} left out"))
     }
 }
 
@@ -316,11 +316,11 @@ mod tests {
             for run in &series.runs {
                 prop_assert!(run.rows.start == next && !run.rows.is_empty());
                 next = run.rows.end;
-                let own = series.store.stamps(run.rows.clone()).unwrap();
-                prop_assert!(own.windows(2).all(|pair| pair[0] < pair[1]));
-                prop_assert_eq!((own.first(), own.last()), (Some(&run.start), Some(&run.end)));
+                let stamps_of_run = series.store.stamps(run.rows.clone()).unwrap();
+                prop_assert!(stamps_of_run.windows(2).all(|pair| pair[0] < pair[1]));
+                prop_assert_eq!((stamps_of_run.first(), stamps_of_run.last()), (Some(&run.start), Some(&run.end)));
                 // Every row is the sample that it says.
-                for (stamp, value) in own.iter().zip(&values[run.rows.clone()]) {
+                for (stamp, value) in stamps_of_run.iter().zip(&values[run.rows.clone()]) {
                     prop_assert_eq!(*stamp, samples[*value as usize].0);
                     prop_assert!((run.log_start..=run.log_end).contains(&(*value as i64)));
                 }

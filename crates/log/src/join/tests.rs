@@ -140,8 +140,8 @@ fn expected(case: &Case) -> Option<Expected<'_>> {
     for run in base {
         let matched = case.series.iter().enumerate().map(|(place, (runs, gaps))| {
             std::array::from_fn(|kind| {
-                let own = (place == lead).then_some(run);
-                own.or_else(|| oracle::matching(runs, run, base.len(), latched(gaps, kind)))
+                let lead_run = (place == lead).then_some(run);
+                lead_run.or_else(|| oracle::matching(runs, run, base.len(), latched(gaps, kind)))
             })
         });
         let matched: Vec<[Option<&Vec<Sample>>; 4]> = matched.collect();
@@ -167,13 +167,13 @@ fn expected(case: &Case) -> Option<Expected<'_>> {
         all.push((stamps, matched));
     }
     let meets = |place: usize, kind: usize| {
-        all.iter().zip(base).any(|((_, matched), own)| {
+        all.iter().zip(base).any(|((_, matched), base_run)| {
             let Some(other) = matched[place][kind] else {
                 return false;
             };
             let (first, last) = (other[0].stamp, other.last().unwrap().stamp);
-            let ends = latched(&case.series[place].1, kind) || own[0].stamp <= last;
-            ends && first <= own.last().unwrap().stamp
+            let ends = latched(&case.series[place].1, kind) || base_run[0].stamp <= last;
+            ends && first <= base_run.last().unwrap().stamp
         })
     };
     let sound = match case.base {
@@ -192,13 +192,13 @@ fn check(case: &Case, (stamps, columns, report): &Table, expected: &Expected) ->
         prop_assert_eq!(*missing, column.iter().filter(|value| value.is_nan()).count());
     }
     let mut row = 0;
-    for ((own, matched), run) in expected.iter().zip(&report.runs) {
-        prop_assert_eq!(run.clone(), row..row + own.len());
+    for ((expected_run, matched), run) in expected.iter().zip(&report.runs) {
+        prop_assert_eq!(run.clone(), row..row + expected_run.len());
         for (place, (runs, gaps)) in case.series.iter().enumerate() {
             let mut last: Option<[f64; 4]> = None;
-            for (&stamp, row) in own.iter().zip(run.clone()) {
+            for (&stamp, row) in expected_run.iter().zip(run.clone()) {
                 for (place_of_kind, kind) in KINDS.into_iter().enumerate() {
-                    let found: Vec<f64> = match kind {
+                    let values_read: Vec<f64> = match kind {
                         JoinKind::Slerp => (3..7).map(|c| columns[7 * place + c][row]).collect(),
                         _ => vec![columns[7 * place + place_of_kind][row]],
                     };
@@ -207,16 +207,16 @@ fn check(case: &Case, (stamps, columns, report): &Table, expected: &Expected) ->
                     let wanted = from.and_then(|run| oracle::value(run, stamp, kind, limit));
                     compare(
                         kind,
-                        &found,
+                        &values_read,
                         wanted.as_deref(),
                         from.is_some_and(|run| oracle::ambiguous(run, stamp, kind)),
                     )?;
                     let exact = from.and_then(|run| run.iter().find(|sample| sample.stamp == stamp));
                     if let (Some(sample), true) = (exact, wanted.is_some()) {
-                        check_exact(kind, &found, sample)?;
+                        check_exact(kind, &values_read, sample)?;
                     }
                     if kind == JoinKind::Slerp && wanted.is_some() {
-                        let q = [found[0], found[1], found[2], found[3]];
+                        let q = [values_read[0], values_read[1], values_read[2], values_read[3]];
                         let same_side = last.map_or(q[3], |last| last.iter().zip(q).map(|(a, b)| a * b).sum());
                         prop_assert!(same_side >= 0.0, "the sign jumps at row {}", row);
                         last = Some(q);
@@ -229,41 +229,46 @@ fn check(case: &Case, (stamps, columns, report): &Table, expected: &Expected) ->
     Ok(())
 }
 
-fn compare(kind: JoinKind, found: &[f64], wanted: Option<&[f64]>, ambiguous: bool) -> Result<(), TestCaseError> {
+fn compare(kind: JoinKind, values_read: &[f64], wanted: Option<&[f64]>, ambiguous: bool) -> Result<(), TestCaseError> {
     let Some(wanted) = wanted else {
-        prop_assert!(found.iter().all(|value| value.is_nan()), "{:?} {:?} where there is no value", kind, found);
+        prop_assert!(
+            values_read.iter().all(|value| value.is_nan()),
+            "{:?} {:?} where there is no value",
+            kind,
+            values_read
+        );
         return Ok(());
     };
-    prop_assert!(found.iter().all(|value| value.is_finite()), "{:?} {:?} for {:?}", kind, found, wanted);
+    prop_assert!(values_read.iter().all(|value| value.is_finite()), "{:?} {:?} for {:?}", kind, values_read, wanted);
     if ambiguous {
         return Ok(());
     }
     let error = match kind {
-        JoinKind::Linear | JoinKind::Hold => (found[0] - wanted[0]).abs(),
+        JoinKind::Linear | JoinKind::Hold => (values_read[0] - wanted[0]).abs(),
         JoinKind::Angle => {
-            prop_assert!(found[0] > -std::f64::consts::PI && found[0] <= std::f64::consts::PI);
-            ((found[0] - wanted[0]) / 2.0).sin().abs()
+            prop_assert!(values_read[0] > -std::f64::consts::PI && values_read[0] <= std::f64::consts::PI);
+            ((values_read[0] - wanted[0]) / 2.0).sin().abs()
         }
         JoinKind::Slerp => {
-            let turned = oracle::matrix(found).unwrap().concat();
+            let turned = oracle::matrix(values_read).unwrap().concat();
             turned.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         }
     };
-    prop_assert!(error < 1e-9, "{:?}: {:?} for {:?}", kind, found, wanted);
+    prop_assert!(error < 1e-9, "{:?}: {:?} for {:?}", kind, values_read, wanted);
     Ok(())
 }
 
 /// At the stamp of a sample its bits come back: an angle's when it needs no wrapping, a quaternion's but for the sign.
-fn check_exact(kind: JoinKind, found: &[f64], sample: &Sample) -> Result<(), TestCaseError> {
+fn check_exact(kind: JoinKind, values_read: &[f64], sample: &Sample) -> Result<(), TestCaseError> {
     let x = sample.values[0];
     match kind {
         JoinKind::Angle if x.abs() >= std::f64::consts::PI => {}
         JoinKind::Slerp => {
             let q = &sample.values[1..];
             let turned: Vec<f64> = q.iter().map(|c| -c).collect();
-            prop_assert!(found == q || found == turned, "{:?} for {:?}", found, q);
+            prop_assert!(values_read == q || values_read == turned, "{:?} for {:?}", values_read, q);
         }
-        _ => prop_assert_eq!(found[0].to_bits(), x.to_bits()),
+        _ => prop_assert_eq!(values_read[0].to_bits(), x.to_bits()),
     }
     Ok(())
 }

@@ -48,7 +48,10 @@ impl Definitions {
         let (id, name, encoding, data) = (fields.u16()?, fields.bytes()?, fields.bytes()?, fields.bytes()?);
         match self.schemas.get(&id) {
             // The usual case, without allocating.
-            Some(own) if own.name.as_bytes() == name && own.encoding.as_bytes() == encoding && *own.data == *data => {}
+            Some(known_schema)
+                if known_schema.name.as_bytes() == name
+                    && known_schema.encoding.as_bytes() == encoding
+                    && *known_schema.data == *data => {}
             _ => self.insert_schema(id, SchemaRecord { name: text(name), encoding: text(encoding), data: data.into() }),
         }
         Some(())
@@ -58,8 +61,10 @@ impl Definitions {
         let mut fields = Fields(body);
         let (id, schema, topic, encoding) = (fields.u16()?, fields.u16()?, fields.bytes()?, fields.bytes()?);
         match self.channels.get(&id) {
-            Some(own)
-                if own.schema == schema && own.topic.as_bytes() == topic && own.encoding.as_bytes() == encoding => {}
+            Some(known_channel)
+                if known_channel.schema == schema
+                    && known_channel.topic.as_bytes() == topic
+                    && known_channel.encoding.as_bytes() == encoding => {}
             _ => self.insert_channel(id, ChannelRecord { schema, topic: text(topic), encoding: text(encoding) }),
         }
         Some(())
@@ -70,11 +75,11 @@ impl Definitions {
             None => {
                 self.schemas.insert(id, schema);
             }
-            Some(own) if *own == schema => {}
-            Some(own) => {
+            Some(known_schema) if *known_schema == schema => {}
+            Some(known_schema) => {
                 let note = format!(
                     "schema {id} is defined twice, as `{}` and differently as `{}`: the first is used",
-                    own.name, schema.name
+                    known_schema.name, schema.name
                 );
                 self.note(note);
             }
@@ -86,11 +91,11 @@ impl Definitions {
             None => {
                 self.channels.insert(id, channel);
             }
-            Some(own) if *own == channel => {}
-            Some(own) => {
+            Some(known_channel) if *known_channel == channel => {}
+            Some(known_channel) => {
                 let note = format!(
                     "channel {id} is defined twice, as {} and differently as {}: the first is used",
-                    own.topic, channel.topic
+                    known_channel.topic, channel.topic
                 );
                 self.note(note);
             }
@@ -158,20 +163,20 @@ impl Definitions {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         progress.stage("looking for channels");
-        let found = parallel_map(which.len(), progress, |i| {
-            let mut own = Self::default();
+        let parts = parallel_map(which.len(), progress, |i| {
+            let mut part_channels = Self::default();
             if let Some(piece) = which.get(i).and_then(|&i| pieces.get(i)) {
                 // A chunk that is damaged is counted when its messages are read.
                 let _ = chunk::with_records(file, piece, |records| {
                     for_each_record(records, |record| {
-                        own.add(record.opcode, record.body);
+                        part_channels.add(record.opcode, record.body);
                         Ok::<_, std::convert::Infallible>(())
                     })
                 });
             }
-            Ok::<_, Error>(own)
+            Ok::<_, Error>(part_channels)
         })?;
-        found.into_iter().for_each(|later| self.merge(later));
+        parts.into_iter().for_each(|later| self.merge(later));
         Ok(())
     }
 }

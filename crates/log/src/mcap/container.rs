@@ -88,29 +88,32 @@ impl Container for McapContainer {
     }
 
     fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some(own) = self.piece(piece) else { return Ok(()) };
+        let Some(piece_ref) = self.piece(piece) else { return Ok(()) };
         // It need not be decompressed.
         if self.wanted_messages(piece, wanted) == Some(0) {
             return Ok(());
         }
         let mut damage = Damage::default();
         let mut reader = Reader { route: Route::new(&self.topic_of, wanted), seen: 0, late: 0, unknown: 0 };
-        let start = own.bytes.start;
-        match chunk::with_records(&self.file.map, own, |records| reader.read(records, each)) {
+        let start = piece_ref.bytes.start;
+        match chunk::with_records(&self.file.map, piece_ref, |records| reader.read(records, each)) {
             Ok(torn) => {
                 if let Some((rest, why)) = torn? {
-                    let messages = own.messages().map(|all| all.saturating_sub(reader.seen));
+                    let messages = piece_ref.messages().map(|all| all.saturating_sub(reader.seen));
                     let why = format!("inside a chunk: {why}");
                     damage.add(start, &why, Lost { bytes: rest, chunk: false, messages });
                 }
             }
             Err(why) => {
-                let lost =
-                    Lost { bytes: own.bytes.len(), chunk: own.kind == PieceKind::Chunk, messages: own.messages() };
+                let lost = Lost {
+                    bytes: piece_ref.bytes.len(),
+                    chunk: piece_ref.kind == PieceKind::Chunk,
+                    messages: piece_ref.messages(),
+                };
                 damage.add(start, &why, lost);
             }
         }
-        self.file.map.release(own.bytes.clone());
+        self.file.map.release(piece_ref.bytes.clone());
         reader.tell(start, &mut damage);
         if !damage.is_empty() {
             self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
@@ -245,8 +248,8 @@ fn carried(file: &McapFile) -> (Vec<Topic>, BTreeMap<u16, usize>) {
         };
         topic.problem = topic.problem.take().or(problem);
         channels.push(id);
-        let own = file.counts.as_ref().map(|counts| counts.get(&id).copied().unwrap_or(0));
-        topic.count = topic.count.zip(own).map(|(sum, own)| sum.saturating_add(own));
+        let counted = file.counts.as_ref().map(|counts| counts.get(&id).copied().unwrap_or(0));
+        topic.count = topic.count.zip(counted).map(|(sum, counted)| sum.saturating_add(counted));
     }
     let mut topic_of = BTreeMap::new();
     let topics = topics.into_values().enumerate().map(|(place, (topic, channels))| {

@@ -58,9 +58,9 @@ impl McapFile {
             statistics = summary.statistics;
         }
         let counts = reconcile(&mut layout, statistics, &mut notes);
-        let told = summary_channels || layout.pieces.iter().all(|piece| piece.counts.is_some());
+        let summarised = summary_channels || layout.pieces.iter().all(|piece| piece.counts.is_some());
         let counted = counts.iter().flatten().all(|(channel, _)| definitions.channels.contains_key(channel));
-        if !(told && counted && definitions.explain(&layout.pieces)) {
+        if !(summarised && counted && definitions.explain(&layout.pieces)) {
             definitions.scan(&map, &layout.pieces, progress)?;
         }
         notes.extend(definitions.notes.iter().cloned());
@@ -137,23 +137,24 @@ fn reconcile(
     let mut counts: Option<BTreeMap<u16, u64>> = Some(BTreeMap::new());
     for piece in &layout.pieces {
         match (&mut counts, &piece.counts) {
-            (Some(counts), Some(own)) => {
-                own.iter().for_each(|(channel, count)| *counts.entry(*channel).or_default() += count)
+            (Some(counts), Some(piece_counts)) => {
+                piece_counts.iter().for_each(|(channel, count)| *counts.entry(*channel).or_default() += count)
             }
             _ => counts = None,
         }
     }
     let Some(mut statistics) = statistics else { return counts };
     statistics.counts.retain(|_, count| *count > 0);
-    let Some(found) = counts else { return Some(statistics.counts).filter(|_| sound) };
-    let within = found.iter().all(|(channel, count)| statistics.counts.get(channel).is_some_and(|all| count <= all));
-    if sound && found == statistics.counts {
-        return Some(found);
+    let Some(scanned_counts) = counts else { return Some(statistics.counts).filter(|_| sound) };
+    let within =
+        scanned_counts.iter().all(|(channel, count)| statistics.counts.get(channel).is_some_and(|all| count <= all));
+    if sound && scanned_counts == statistics.counts {
+        return Some(scanned_counts);
     }
     if !sound && within {
         let total = |counts: &BTreeMap<u16, u64>| counts.values().fold(0_u64, |sum, count| sum.saturating_add(*count));
-        layout.damage.know_messages(total(&statistics.counts).saturating_sub(total(&found)));
-        return Some(found);
+        layout.damage.know_messages(total(&statistics.counts).saturating_sub(total(&scanned_counts)));
+        return Some(scanned_counts);
     }
     notes.push("its indexes and its summary count different messages: every chunk is read, and messages are counted by reading".into());
     layout.pieces.iter_mut().filter(|piece| piece.kind == PieceKind::Chunk).for_each(|piece| piece.counts = None);

@@ -38,9 +38,9 @@ impl Indexed<'_> {
     pub(super) fn times(&self) -> BTreeMap<usize, Vec<i64>> {
         let mut times: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
         self.for_each(|topic, index| {
-            let own = times.entry(topic).or_default();
-            own.reserve(usize::try_from(index.count()).unwrap_or_default());
-            own.extend(index.log_times().filter(|&time| self.sound(time)).map(|time| time as i64));
+            let times_of_topic = times.entry(topic).or_default();
+            times_of_topic.reserve(usize::try_from(index.count()).unwrap_or_default());
+            times_of_topic.extend(index.log_times().filter(|&time| self.sound(time)).map(|time| time as i64));
         });
         times
     }
@@ -54,7 +54,7 @@ impl Indexed<'_> {
                 && self.sound(b)
             {
                 let span = Span { count: index.count(), first: a.min(b) as i64, last: a.max(b) as i64 };
-                spans.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+                spans.entry(topic).and_modify(|known_span| known_span.join(&span)).or_insert(span);
             }
         });
         spans

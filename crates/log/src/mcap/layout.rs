@@ -174,7 +174,7 @@ fn count(counts: &mut Vec<(u16, u64)>, channel: u16, more: u64) {
     if more == 0 {
         return;
     }
-    match counts.binary_search_by_key(&channel, |(own, _)| *own) {
+    match counts.binary_search_by_key(&channel, |(counted_channel, _)| *counted_channel) {
         Ok(at) => counts[at].1 += more,
         Err(at) => counts.insert(at, (channel, more)),
     }

@@ -178,7 +178,11 @@ fn counts_rates_and_gaps_come_from_the_indexes() {
             assert_eq!(times.largest_gap, periods.last().map(|&period| period as f64 * 1e-9), "{name}");
             let span = (stamps[stamps.len() - 1] - stamps[0]) as f64 * 1e-9;
             let rate = (stamps.len() - 1) as f64 / span;
-            assert!(times.rate.is_some_and(|found| (found - rate).abs() < 1e-9 * rate), "{name}: {:?}", times.rate);
+            assert!(
+                times.rate.is_some_and(|measured_rate| (measured_rate - rate).abs() < 1e-9 * rate),
+                "{name}: {:?}",
+                times.rate
+            );
             assert_eq!(times.gaps, Some(0));
         }
         assert_eq!(info.notes.is_empty(), !matches!(name, "no index" | "neither"), "{name}: {:?}", info.notes);

@@ -258,11 +258,11 @@ impl ChunkDecoder {
     }
 }
 
-fn enough(found: usize, wanted: usize) -> Result<()> {
-    if found == wanted {
+fn enough(rows_there: usize, wanted: usize) -> Result<()> {
+    if rows_there == wanted {
         Ok(())
     } else {
-        Err(ParquetError::EOF(format!("{} rows are missing", wanted.saturating_sub(found))))
+        Err(ParquetError::EOF(format!("{} rows are missing", wanted.saturating_sub(rows_there))))
     }
 }
 

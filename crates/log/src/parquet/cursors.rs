@@ -122,7 +122,7 @@ impl Turn<'_> {
             .idle
             .iter()
             .enumerate()
-            .filter(|(_, (own, cursor))| *own == key && usable(cursor))
+            .filter(|(_, (cached_key, cursor))| *cached_key == key && usable(cursor))
             .max_by_key(|(_, (_, cursor))| cursor.row);
         let at = best.map(|(at, _)| at)?;
         Some(state.idle.remove(at).1)

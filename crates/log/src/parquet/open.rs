@@ -221,10 +221,11 @@ fn check_rows(file: &ParquetFile) -> Result<(usize, Vec<usize>), Error> {
     let mut rows = 0usize;
     for (number, group) in file.metadata.row_groups().iter().enumerate() {
         starts.push(rows);
-        let own = usize::try_from(group.num_rows()).ok().filter(|&own| own <= MAX_ROWS);
-        rows = own.and_then(|own| rows.checked_add(own)).filter(|&rows| rows <= MAX_ROWS).ok_or_else(|| {
-            damaged(&file.path, format!("row group {number}"), format!("it claims {} rows", group.num_rows()))
-        })?;
+        let row_count = usize::try_from(group.num_rows()).ok().filter(|&row_count| row_count <= MAX_ROWS);
+        rows =
+            row_count.and_then(|row_count| rows.checked_add(row_count)).filter(|&rows| rows <= MAX_ROWS).ok_or_else(
+                || damaged(&file.path, format!("row group {number}"), format!("it claims {} rows", group.num_rows())),
+            )?;
     }
     Ok((rows, starts))
 }

@@ -136,14 +136,14 @@ impl Container for BagContainer {
     }
 
     fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some(own) = self.piece(piece) else { return Ok(()) };
+        let Some(piece_ref) = self.piece(piece) else { return Ok(()) };
         if self.wanted_messages(piece, wanted) == Some(0) {
             return Ok(());
         }
         let mut damage = Damage::default();
         let (mut seen, mut unknown, mut untimed) = (0, 0, 0);
-        let start = own.bytes.start;
-        let read = own.with_records(&self.map, |records| {
+        let start = piece_ref.bytes.start;
+        let read = piece_ref.with_records(&self.map, |records| {
             let torn = for_each_record(records, |record| -> Result<(), Error> {
                 if record.op != op::MESSAGE {
                     return Ok(());
@@ -160,7 +160,7 @@ impl Container for BagContainer {
             })?;
             Ok::<_, Error>(torn.map(|at| records.len() - at))
         });
-        let all: Option<u64> = own.counts.as_ref().map(|counts| counts.values().sum());
+        let all: Option<u64> = piece_ref.counts.as_ref().map(|counts| counts.values().sum());
         match read {
             Ok(torn) => {
                 if let Some(bytes) = torn? {
@@ -172,14 +172,14 @@ impl Container for BagContainer {
                     );
                 }
             }
-            Err(why) => damage.add(start, &why, Lost { bytes: own.bytes.len(), chunk: true, messages: all }),
+            Err(why) => damage.add(start, &why, Lost { bytes: piece_ref.bytes.len(), chunk: true, messages: all }),
         }
         for (count, what) in [(unknown, "messages of undefined connections"), (untimed, "messages without a time")] {
             if count > 0 {
                 damage.add(start, &format!("{count} {what}"), Lost { messages: Some(count), ..Lost::default() });
             }
         }
-        self.map.release(own.bytes.clone());
+        self.map.release(piece_ref.bytes.clone());
         if !damage.is_empty() {
             self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
         }
@@ -196,14 +196,14 @@ impl Container for BagContainer {
         let mut spans: BTreeMap<usize, Span> = BTreeMap::new();
         self.times(self.piece(piece)?)?.for_each(|(topic, time)| {
             let span = Span { count: 1, first: time, last: time };
-            spans.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+            spans.entry(topic).and_modify(|known_span| known_span.join(&span)).or_insert(span);
         });
         Some(spans)
     }
 
     fn metadata(&self) -> BTreeMap<String, String> {
-        let sums = self.scan.connections.values().filter(|own| !own.md5.is_empty());
-        sums.map(|own| (format!("md5sum {}", own.topic), own.md5.clone())).collect()
+        let sums = self.scan.connections.values().filter(|connection| !connection.md5.is_empty());
+        sums.map(|connection| (format!("md5sum {}", connection.topic), connection.md5.clone())).collect()
     }
 
     fn damage(&self) -> Damage {

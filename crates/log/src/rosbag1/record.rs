@@ -75,7 +75,7 @@ impl<'a> Header<'a> {
 
     /// The value of a field.
     pub(super) fn get(self, name: &str) -> Option<&'a [u8]> {
-        self.fields().find(|(own, _)| *own == name.as_bytes()).map(|(_, value)| value)
+        self.fields().find(|(key, _)| *key == name.as_bytes()).map(|(_, value)| value)
     }
 
     /// A number of four bytes.

@@ -176,11 +176,11 @@ impl Scan {
     }
 
     fn join(&mut self, id: u32, connection: Connection) {
-        let own = self.connections.entry(id).or_insert_with(|| connection.clone());
-        if *own != connection && self.notes.len() < MAX_NOTES {
+        let known = self.connections.entry(id).or_insert_with(|| connection.clone());
+        if *known != connection && self.notes.len() < MAX_NOTES {
             self.notes.push(format!(
                 "connection {id} is defined twice, as {} and differently as {}: the first is used",
-                own.topic, connection.topic
+                known.topic, connection.topic
             ));
         }
     }
@@ -224,8 +224,8 @@ impl Scan {
             for (connection, data) in &piece.index {
                 *counts.entry(*connection).or_default() += (data.len() / 12) as u64;
             }
-            let told = self.infos.get(&(piece.place as u64));
-            match told.is_none_or(|told| *told == counts) {
+            let info = self.infos.get(&(piece.place as u64));
+            match info.is_none_or(|info| *info == counts) {
                 true => piece.counts = Some(counts),
                 false => contradicted += 1,
             }

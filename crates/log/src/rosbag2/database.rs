@@ -175,7 +175,7 @@ impl DatabaseContainer {
             unknown += leaf.unknown;
             piece.leaves = piece.leaves.start..place + 1;
             for (topic, span) in leaf.spans {
-                piece.spans.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+                piece.spans.entry(topic).and_modify(|known_span| known_span.join(&span)).or_insert(span);
             }
             bytes += leaf.bytes;
             if bytes >= PIECE {
@@ -221,7 +221,7 @@ impl DatabaseContainer {
                 continue;
             };
             let span = Span { count: 1, first: time, last: time };
-            leaf.spans.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+            leaf.spans.entry(topic).and_modify(|known_span| known_span.join(&span)).or_insert(span);
         }
         leaf
     }
@@ -257,10 +257,10 @@ fn topics(database: &Database, table: &Table) -> Result<(Vec<Topic>, BTreeMap<i6
             count: Some(0),
             problem,
         };
-        let (own, ids) = rows.entry(name).or_insert_with(|| (topic.clone(), Vec::new()));
-        if own.type_name != topic.type_name {
-            let (a, b) = (&own.type_name, &topic.type_name);
-            own.problem = Some(format!("its messages come in two types, `{a}` and `{b}`"));
+        let (first_topic, ids) = rows.entry(name).or_insert_with(|| (topic.clone(), Vec::new()));
+        if first_topic.type_name != topic.type_name {
+            let (a, b) = (&first_topic.type_name, &topic.type_name);
+            first_topic.problem = Some(format!("its messages come in two types, `{a}` and `{b}`"));
         }
         ids.push(id);
     }
@@ -331,11 +331,11 @@ impl Container for DatabaseContainer {
     }
 
     fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some(own) = self.pieces.get(piece).filter(|_| self.wanted_messages(piece, wanted) != Some(0)) else {
+        let Some(piece_ref) = self.pieces.get(piece).filter(|_| self.wanted_messages(piece, wanted) != Some(0)) else {
             return Ok(());
         };
         let mut damage = Damage::default();
-        for &page in &self.leaves[own.leaves.clone()] {
+        for &page in &self.leaves[piece_ref.leaves.clone()] {
             // Damaged rows were counted when the file was opened.
             for row in self.messages.table.rows(&self.database, page).flatten() {
                 let Some((topic, received, sent)) = self.head(&row) else { continue };

@@ -50,7 +50,7 @@ impl Table {
 
     /// The place of a column in records.
     pub(crate) fn column(&self, name: &str) -> Option<usize> {
-        self.columns.iter().position(|own| own.eq_ignore_ascii_case(name))
+        self.columns.iter().position(|column_name| column_name.eq_ignore_ascii_case(name))
     }
 
     /// An integer of a row, which may be its id.
@@ -116,9 +116,9 @@ impl<'a> Page<'a> {
         };
         let count = usize::from(u16::from_be_bytes(*bytes.get(start + 3..)?.first_chunk::<2>()?));
         let pointers = bytes.get(start + head..)?.get(..2 * count)?;
-        let own = Self { kind, bytes, pointers, last_child: None };
-        let last_child = if kind == INTERIOR { Some(own.word(start + 8)?) } else { None };
-        Some(Self { last_child, ..own })
+        let page = Self { kind, bytes, pointers, last_child: None };
+        let last_child = if kind == INTERIOR { Some(page.word(start + 8)?) } else { None };
+        Some(Self { last_child, ..page })
     }
 
     fn cells(&self) -> impl Iterator<Item = usize> + use<'a> {

@@ -48,17 +48,17 @@ pub(super) struct Named {
 pub(super) fn named(name: &str, unit: Option<&str>) -> Named {
     let (bare, bracket) = split_unit(name);
     let written = unit.or(bracket);
-    let told = written.and_then(TimeUnit::parse);
-    if written.is_some() && told.is_none() {
+    let unit_given = written.and_then(TimeUnit::parse);
+    if written.is_some() && unit_given.is_none() {
         return Named { rank: None, unit: None };
     }
     let lower = bare.to_lowercase();
     let (base, suffix) = split_suffix(&lower);
     let by_name = NAMES.iter().position(|known| *known == base).or_else(|| base.ends_with("header.stamp").then_some(4));
-    let is_temperature = bare == "T" && told.is_none();
+    let is_temperature = bare == "T" && unit_given.is_none();
     // A unit of time in brackets says it of any name.
-    let rank = by_name.or(told.map(|_| NAMES.len())).filter(|_| !is_temperature);
-    Named { rank, unit: told.or(suffix) }
+    let rank = by_name.or(unit_given.map(|_| NAMES.len())).filter(|_| !is_temperature);
+    Named { rank, unit: unit_given.or(suffix) }
 }
 
 /// A lower-case name without the unit at its end, and that unit.

@@ -69,7 +69,7 @@ fn add(pairs: &mut BTreeMap<String, String>, message: &Message<'_>, when: Option
 
 fn append(pairs: &mut BTreeMap<String, String>, key: String, text: &str, between: &str) {
     match pairs.get_mut(&key) {
-        Some(own) => own.extend([between, text]),
+        Some(value_list) => value_list.extend([between, text]),
         None => drop(pairs.insert(key, text.to_owned())),
     }
 }

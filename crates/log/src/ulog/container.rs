@@ -51,26 +51,27 @@ impl UlogContainer {
 
     /// The topics of a piece with their messages, by their places among all.
     fn spans<'a>(&'a self, piece: &'a Piece) -> impl Iterator<Item = (usize, Span)> + 'a {
-        piece.topics.iter().filter_map(|(found, span)| Some(((*self.place_of.get(*found)?)?, *span)))
+        piece.topics.iter().filter_map(|(index, span)| Some(((*self.place_of.get(*index)?)?, *span)))
     }
 }
 
 /// The topics that have messages, sorted by name, and for each that was found its place among them.
 fn topics(scan: &Scan) -> (Vec<Topic>, Vec<Option<usize>>) {
-    let found = scan.definitions.found();
+    let described = scan.definitions.found();
     let mut counts = scan.unreadable.clone();
-    counts.resize(found.len(), 0);
+    counts.resize(described.len(), 0);
     for (topic, span) in scan.pieces.iter().flat_map(|piece| &piece.topics) {
         if let Some(count) = counts.get_mut(*topic) {
             *count += span.count;
         }
     }
-    let mut order: Vec<(&str, usize)> = found.iter().enumerate().map(|(place, own)| (own.name(), place)).collect();
+    let mut order: Vec<(&str, usize)> =
+        described.iter().enumerate().map(|(place, topic_described)| (topic_described.name(), place)).collect();
     order.retain(|(_, place)| counts[*place] > 0);
     order.sort_unstable();
-    let mut place_of = vec![None; found.len()];
-    order.iter().enumerate().for_each(|(place, (_, found))| place_of[*found] = Some(place));
-    (order.iter().map(|(_, place)| found[*place].topic(counts[*place])).collect(), place_of)
+    let mut place_of = vec![None; described.len()];
+    order.iter().enumerate().for_each(|(place, (_, index))| place_of[*index] = Some(place));
+    (order.iter().map(|(_, place)| described[*place].topic(counts[*place])).collect(), place_of)
 }
 
 impl Container for UlogContainer {
@@ -106,8 +107,8 @@ impl Container for UlogContainer {
         }
         let mut is_wanted = vec![false; self.topics.len()];
         for &topic in wanted {
-            if let Some(own) = is_wanted.get_mut(topic) {
-                *own = true;
+            if let Some(is_used) = is_wanted.get_mut(topic) {
+                *is_used = true;
             }
         }
         let places: Vec<Option<usize>> =

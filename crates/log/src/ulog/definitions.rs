@@ -109,7 +109,7 @@ pub(super) struct Definitions {
 
 impl Default for Definitions {
     fn default() -> Self {
-        let mut own = Self {
+        let mut defaults = Self {
             formats: BTreeMap::new(),
             described: BTreeMap::new(),
             budget: MAX_DEFINITIONS,
@@ -121,9 +121,9 @@ impl Default for Definitions {
         };
         for (id, name, fields) in LOGGED_FORMATS {
             let described = describe(name, format!("{name}:{fields}\n"));
-            own.open(id, 0, (name.to_owned(), 0), || described);
+            defaults.open(id, 0, (name.to_owned(), 0), || described);
         }
-        own
+        defaults
     }
 }
 
@@ -137,10 +137,10 @@ impl Definitions {
     #[inline]
     pub(super) fn channel<'a>(&self, message: &Message<'a>) -> Option<(&Channel, &'a [u8])> {
         let (id, data) = message.data()?;
-        let own = self.by_id.get(id)?;
+        let subscription = self.by_id.get(id)?;
         // A file may say anew what a number stands for as often as it likes: halving keeps that from being slow.
         let began = |channel: &usize| self.channels.get(*channel).is_some_and(|channel| channel.from <= message.start);
-        let latest = own.get(own.partition_point(began).checked_sub(1)?)?;
+        let latest = subscription.get(subscription.partition_point(began).checked_sub(1)?)?;
         Some((self.channels.get(*latest)?, data))
     }
 
@@ -150,7 +150,7 @@ impl Definitions {
             None => {
                 self.formats.insert(name.to_owned(), fields.to_owned());
             }
-            Some(own) if own == fields => {}
+            Some(known_fields) if known_fields == fields => {}
             Some(_) => {
                 self.notes.insert(format!("the format `{name}` is defined twice, and differently: the first is used"));
             }
@@ -185,12 +185,16 @@ impl Definitions {
             self.found.push(Found { name, format, described: described() });
             self.found.len() - 1
         });
-        let Some(own) = self.by_id.get_mut(id) else { return };
-        if own.last().and_then(|latest| self.channels.get(*latest)).is_some_and(|channel| channel.topic == topic) {
+        let Some(subscription) = self.by_id.get_mut(id) else { return };
+        if subscription
+            .last()
+            .and_then(|latest| self.channels.get(*latest))
+            .is_some_and(|channel| channel.topic == topic)
+        {
             return;
         }
         let described = self.found.get(topic).and_then(|found| found.described.as_ref().ok().cloned());
-        own.push(self.channels.len());
+        subscription.push(self.channels.len());
         self.channels.push(Channel { topic, from, described });
     }
 
@@ -205,13 +209,13 @@ impl Definitions {
         let mut text = String::new();
         let (mut used, mut next) = (vec![name], 0);
         let mut seen = BTreeSet::from([name]);
-        while let Some(&own) = used.get(next) {
+        while let Some(&definition) = used.get(next) {
             next += 1;
-            let Some((own, fields)) = self.formats.get_key_value(own) else { continue };
-            if text.len() + own.len() + fields.len() > self.budget {
+            let Some((definition, fields)) = self.formats.get_key_value(definition) else { continue };
+            if text.len() + definition.len() + fields.len() > self.budget {
                 return Err("the definitions of its type are too long".to_owned());
             }
-            text.extend([own.as_str(), ":", fields.as_str(), "\n"]);
+            text.extend([definition.as_str(), ":", fields.as_str(), "\n"]);
             let kinds = fields.split(';').filter_map(|field| field.trim_start().split([' ', '[']).next());
             used.extend(kinds.filter(|kind| self.formats.contains_key(*kind) && seen.insert(*kind)));
         }

@@ -321,7 +321,7 @@ impl<'a> Scanner<'a> {
                 self.spans.resize(self.spans.len().max(topic + 1), None);
                 let span = Span { count: 1, first: time, last: time };
                 match &mut self.spans[topic] {
-                    Some(own) => own.join(&span),
+                    Some(known_span) => known_span.join(&span),
                     none => {
                         *none = Some(span);
                         self.touched.push(topic);

@@ -102,7 +102,9 @@ fn until(bytes: &[u8], end: usize) -> Messages {
 
 /// Every topic begins with these messages.
 fn begins_with(read: &Messages, first: &Messages) -> bool {
-    first.iter().all(|(topic, messages)| read.get(topic).is_some_and(|own| own.starts_with(messages)))
+    first
+        .iter()
+        .all(|(topic, messages)| read.get(topic).is_some_and(|messages_read| messages_read.starts_with(messages)))
 }
 
 #[test]
@@ -187,8 +189,8 @@ fn a_value_without_a_type_among_the_definitions_loses_no_message() {
             let container = scrap.open(&log.bytes).unwrap();
             assert_eq!(total(&read_all(&container)), 30, "{key}, {place}: {}", container.damage());
             assert_eq!(!container.damage().is_empty(), lost, "{key}: {}", container.damage());
-            let told = container.notes().iter().any(|note| note.contains("without a type"));
-            assert_eq!(told, !lost, "{key}: {:?}", container.notes());
+            let is_noted = container.notes().iter().any(|note| note.contains("without a type"));
+            assert_eq!(is_noted, !lost, "{key}: {:?}", container.notes());
         }
     }
 }
@@ -236,8 +238,8 @@ fn appended_data_begin_where_the_flags_say() {
     let expected = until(&whole.bytes, last);
     assert_eq!(read.get_mut("/logged_messages").unwrap().split_off(1).len(), 2);
     assert_eq!(read, expected);
-    let told = container.damage().to_string();
-    assert!(told.contains("data appended behind it"), "{told}");
+    let damage_text = container.damage().to_string();
+    assert!(damage_text.contains("data appended behind it"), "{damage_text}");
     // Places that cannot be are told, and the file is read as it stands.
     for offsets in [[7, 0, 0], [u64::MAX, 0, 0], [last as u64, 100, 0]] {
         let mut bytes = flags(offsets);
@@ -355,7 +357,10 @@ fn sizes_that_lie_take_no_memory() {
     let copied: usize = container.topics().iter().filter_map(|topic| Some(topic.schema()?.2.len())).sum();
     assert!(copied <= 4 << 20, "{copied}");
     assert!(
-        container.topics().iter().any(|topic| topic.problem.as_deref().is_some_and(|own| own.contains("too long")))
+        container
+            .topics()
+            .iter()
+            .any(|topic| topic.problem.as_deref().is_some_and(|reason| reason.contains("too long")))
     );
 }
 

@@ -55,7 +55,7 @@ impl WpilogContainer {
         let mut order: Vec<(usize, u64)> = counts.into_iter().enumerate().filter(|(_, count)| *count > 0).collect();
         order.sort_by_key(|(topic, _)| scan.entries.name(*topic));
         let mut place_of = vec![None; scan.entries.len()];
-        order.iter().enumerate().for_each(|(place, (found, _))| place_of[*found] = Some(place));
+        order.iter().enumerate().for_each(|(place, (index, _))| place_of[*index] = Some(place));
         let topics = scan.entries.topics(&order);
         Ok(Self { path: path.into(), map, scan, topics, place_of })
     }
@@ -64,13 +64,13 @@ impl WpilogContainer {
         self.scan.pieces.get(piece)
     }
 
-    fn place(&self, found: usize) -> Option<usize> {
-        *self.place_of.get(found)?
+    fn place(&self, index: usize) -> Option<usize> {
+        *self.place_of.get(index)?
     }
 
     /// The topics of a piece with their values, by their places among all.
     fn spans<'a>(&'a self, piece: &'a Piece) -> impl Iterator<Item = (usize, Span)> + 'a {
-        piece.topics.iter().filter_map(|(found, span)| Some((self.place(*found)?, *span)))
+        piece.topics.iter().filter_map(|(index, span)| Some((self.place(*index)?, *span)))
     }
 }
 
@@ -107,8 +107,8 @@ impl Container for WpilogContainer {
         }
         let mut is_wanted = vec![false; self.topics.len()];
         for &topic in wanted {
-            if let Some(own) = is_wanted.get_mut(topic) {
-                *own = true;
+            if let Some(is_used) = is_wanted.get_mut(topic) {
+                *is_used = true;
             }
         }
         let mut at = bytes.start;
@@ -116,7 +116,7 @@ impl Container for WpilogContainer {
             && let Ok(record) = Record::at(&self.map, at)
         {
             at = record.end;
-            let topic = self.scan.entries.topic_of(&record).and_then(|found| self.place(found));
+            let topic = self.scan.entries.topic_of(&record).and_then(|index| self.place(index));
             if let (Some(topic), Some(time)) = (topic, record.nanoseconds())
                 && is_wanted.get(topic) == Some(&true)
             {

@@ -58,7 +58,7 @@ fn size(kind: &str) -> Option<(usize, bool)> {
 impl Entries {
     /// The name of a topic among those found.
     pub(super) fn name(&self, topic: usize) -> &str {
-        self.found.get(topic).map_or("", |found| found.name.as_str())
+        self.found.get(topic).map_or("", |topic_there| topic_there.name.as_str())
     }
 
     /// Number of topics, with or without values.
@@ -68,7 +68,7 @@ impl Entries {
 
     fn started(&self, record: &Record<'_>) -> Option<Started> {
         let all = self.by_id.get(&record.entry)?;
-        let latest = all.partition_point(|own| own.from <= record.start).checked_sub(1)?;
+        let latest = all.partition_point(|start| start.from <= record.start).checked_sub(1)?;
         all.get(latest).copied()
     }
 
@@ -83,7 +83,7 @@ impl Entries {
             return Control::parse(record.payload).map(drop).ok_or("a malformed record about entries");
         }
         let started = self.started(record).ok_or("a value of an entry that was not started")?;
-        let kind = started.topic.and_then(|topic| self.found.get(topic)).map(|found| found.kind.as_str());
+        let kind = started.topic.and_then(|topic| self.found.get(topic)).map(|topic_there| topic_there.kind.as_str());
         let fits = match kind.and_then(size) {
             Some((size, false)) => record.payload.len() == size,
             Some((size, true)) => record.payload.len().is_multiple_of(size),
@@ -119,7 +119,7 @@ impl Entries {
                 self.set_metadata(topic, metadata);
             }
             Some(Control::Metadata { entry, metadata }) => {
-                let latest = self.by_id.get(&entry).and_then(|all| all.last()).and_then(|own| own.topic);
+                let latest = self.by_id.get(&entry).and_then(|all| all.last()).and_then(|start| start.topic);
                 self.set_metadata(latest, metadata);
             }
             Some(Control::Finish) | None => {}
@@ -127,16 +127,16 @@ impl Entries {
     }
 
     fn set_metadata(&mut self, topic: Option<usize>, metadata: &str) {
-        if let Some(found) = topic.and_then(|topic| self.found.get(topic)).filter(|_| !metadata.is_empty()) {
-            self.metadata.insert(format!("metadata {}", found.name), metadata.to_owned());
+        if let Some(topic_there) = topic.and_then(|topic| self.found.get(topic)).filter(|_| !metadata.is_empty()) {
+            self.metadata.insert(format!("metadata {}", topic_there.name), metadata.to_owned());
         }
     }
 
     fn find(&mut self, name: &str, kind: &str) -> usize {
         let name = if name.starts_with('/') { name.to_owned() } else { format!("/{name}") };
         if let Some(&topic) = self.by_name.get(&name) {
-            if let Some(found) = self.found.get_mut(topic).filter(|found| found.kind != kind) {
-                found.other = Some(kind.to_owned());
+            if let Some(topic_there) = self.found.get_mut(topic).filter(|topic_there| topic_there.kind != kind) {
+                topic_there.other = Some(kind.to_owned());
             }
             return topic;
         }
@@ -154,8 +154,8 @@ impl Entries {
             .collect()
     }
 
-    fn topic(&self, found: &Found, count: u64, budget: &mut usize) -> Topic {
-        let (kind, name) = (found.kind.clone(), found.name.clone());
+    fn topic(&self, declared: &Found, count: u64, budget: &mut usize) -> Topic {
+        let (kind, name) = (declared.kind.clone(), declared.name.clone());
         let topic = |message_encoding: &str, schema, problem| Topic {
             name: name.clone(),
             type_name: kind.clone(),
@@ -164,7 +164,7 @@ impl Entries {
             count: Some(count),
             problem,
         };
-        if let Some(other) = &found.other {
+        if let Some(other) = &declared.other {
             let problem = format!("its values come in two types, `{kind}` and `{other}`");
             return topic("wpilog", None, Some(problem));
         }
@@ -175,8 +175,8 @@ impl Entries {
         if kind == "json" {
             return topic("json", None, None);
         }
-        if let Some(own) = kind.strip_prefix("struct:") {
-            let text = self.definitions(own.strip_suffix("[]").unwrap_or(own), *budget);
+        if let Some(struct_name) = kind.strip_prefix("struct:") {
+            let text = self.definitions(struct_name.strip_suffix("[]").unwrap_or(struct_name), *budget);
             return match text {
                 Some(text) => {
                     *budget -= text.len();
@@ -198,13 +198,13 @@ impl Entries {
         let mut text = String::new();
         let (mut used, mut next) = (vec![name], 0);
         let mut seen = BTreeSet::from([name]);
-        while let Some(&own) = used.get(next) {
+        while let Some(&struct_name) = used.get(next) {
             next += 1;
-            let Some(declarations) = self.schemas.get(own) else { continue };
-            if text.len() + own.len() + declarations.len() + 2 > budget {
+            let Some(declarations) = self.schemas.get(struct_name) else { continue };
+            if text.len() + struct_name.len() + declarations.len() + 2 > budget {
                 return None;
             }
-            text.extend([own, "\t", declarations, "\n"]);
+            text.extend([struct_name, "\t", declarations, "\n"]);
             used.extend(wpilog_uses(declarations).into_iter().filter(|name| seen.insert(name)));
         }
         Some(text)

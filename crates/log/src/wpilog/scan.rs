@@ -70,7 +70,7 @@ pub(super) fn scan(map: &Map, progress: &dyn Progress) -> Result<Scan, Error> {
                     match record.nanoseconds() {
                         Some(time) => {
                             let span = Span { count: 1, first: time, last: time };
-                            piece.topics.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+                            piece.topics.entry(topic).and_modify(|known_span| known_span.join(&span)).or_insert(span);
                         }
                         None => late += 1,
                     }

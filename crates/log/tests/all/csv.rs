@@ -434,18 +434,18 @@ fn files_of_a_call_read_dates_in_one_order() {
     assert_eq!(starts(std::slice::from_ref(&open_order)).0, [april]);
     // A file whose dates have one order only.
     let day = file("b.csv", ["25/05/2021 09:00", "25/05/2021 09:01", "25/05/2021 09:02"]);
-    let (found, notes) = starts(&[open_order.clone(), day.clone()]);
-    assert_eq!(found, [may, may + 21 * 86_400]);
+    let (starts_read, notes) = starts(&[open_order.clone(), day.clone()]);
+    assert_eq!(starts_read, [may, may + 21 * 86_400]);
     assert!(notes.contains("`time` are read day first: in other files of this call that order alone fits"), "{notes}");
     // A file whose dates go on better in one order.
     let night = file("c.csv", ["04/05/2021 23:59", "05/05/2021 00:00", "05/05/2021 00:01"]);
-    let (found, notes) = starts(&[open_order.clone(), night]);
-    assert_eq!(found, [may, may + 15 * 3600 - 60]);
+    let (starts_read, notes) = starts(&[open_order.clone(), night]);
+    assert_eq!(starts_read, [may, may + 15 * 3600 - 60]);
     assert!(notes.contains("2 files") && notes.contains("day first: the other order"), "{notes}");
     // Files that are certain keep their orders, and the open one says that it is.
     let month = file("d.csv", ["05/26/2021 09:00", "05/26/2021 09:01", "05/26/2021 09:02"]);
-    let (found, notes) = starts(&[open_order, day, month]);
-    assert_eq!(found, [april, may + 21 * 86_400, may + 22 * 86_400]);
+    let (starts_read, notes) = starts(&[open_order, day, month]);
+    assert_eq!(starts_read, [april, may + 21 * 86_400, may + 22 * 86_400]);
     assert!(notes.contains("month first: the other order"), "{notes}");
 }
 
@@ -583,7 +583,7 @@ fn what_is_written_reads_back() {
         let read = open(&[&path], &Selection::new(["x"])).unwrap();
         let block = read.read(0, 0..3, Halo::default()).unwrap();
         assert_eq!(block.stamps(), stamps);
-        let found = block.column(0);
-        assert!(found[0] == x[0] && found[1].is_nan() && found[2] == x[2]);
+        let written = block.column(0);
+        assert!(written[0] == x[0] && written[1].is_nan() && written[2] == x[2]);
     }
 }

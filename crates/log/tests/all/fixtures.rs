@@ -116,15 +116,15 @@ fn durations_are_seconds_and_may_be_the_clock() {
         let episode = &recording.episodes()[0];
         assert_eq!((episode.rows, episode.start, episode.end), (ROWS, 0, 299 * 50_000_000));
         assert_eq!(episode.period, 0.05);
-        let found = columns(&recording);
+        let columns_read = columns(&recording);
         for row in 0..episode.rows {
             let count = row as f64 * 1_500.0;
             let null = row % 7 == 3;
             for (c, per_second) in [(0, 1.0), (1, 1e3), (2, 1e6), (3, 1e9)] {
-                let value = found[c][row];
+                let value = columns_read[c][row];
                 assert!(if null { value.is_nan() } else { value == count / per_second }, "{} {row}: {value}", names[c]);
             }
-            assert_eq!((found[4][row], found[5][row]), (row as f64 / 1e6, row as f64 * 5e7 / 1e9));
+            assert_eq!((columns_read[4][row], columns_read[5][row]), (row as f64 / 1e6, row as f64 * 5e7 / 1e9));
         }
     }
 }

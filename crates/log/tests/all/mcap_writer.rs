@@ -36,14 +36,14 @@ fn read_with_peer(python: &OsString, file: &Path) -> Vec<Told> {
         .unwrap()
         .lines()
         .map(|line| {
-            let told: serde_json::Value = serde_json::from_str(line).unwrap();
-            let fields = told["fields"].as_array().unwrap();
+            let parsed: serde_json::Value = serde_json::from_str(line).unwrap();
+            let fields = parsed["fields"].as_array().unwrap();
             Told {
-                topic: text(&told["topic"]),
-                kind: text(&told["type"]),
-                log_time: told["log_time"].as_i64().unwrap(),
-                publish_time: told["publish_time"].as_i64().unwrap(),
-                sequence: told["sequence"].as_u64().unwrap(),
+                topic: text(&parsed["topic"]),
+                kind: text(&parsed["type"]),
+                log_time: parsed["log_time"].as_i64().unwrap(),
+                publish_time: parsed["publish_time"].as_i64().unwrap(),
+                sequence: parsed["sequence"].as_u64().unwrap(),
                 fields: fields.iter().map(|field| std::array::from_fn(|part| text(&field[part]))).collect(),
             }
         })
@@ -95,7 +95,7 @@ impl Sender {
         let log_time = 1_700_000_000_000_000_000 + 1_000_003 * self.sent.len() as i64;
         let publish_time = log_time - 999;
         self.writer.write(channel, log_time, publish_time, message).unwrap();
-        let sequence = self.sent.iter().filter(|told| told.topic == topic).count() as u64;
+        let sequence = self.sent.iter().filter(|sent| sent.topic == topic).count() as u64;
         let (topic, kind) = (topic.to_owned(), M::NAME.to_owned());
         self.sent.push(Told { topic, kind, log_time, publish_time, sequence, fields: fields.0 });
     }
@@ -246,10 +246,10 @@ fn another_reader_finds_every_field_of_every_type() {
         let Sender { writer, sent } = sender;
         writer.finish().unwrap();
         assert_eq!(sent.len(), 40 * 12);
-        let told = read_with_peer(&python, &path);
-        assert_eq!(told.len(), sent.len());
-        for (told, sent) in told.iter().zip(&sent) {
-            assert_eq!(told, sent);
+        let peer_read = read_with_peer(&python, &path);
+        assert_eq!(peer_read.len(), sent.len());
+        for (peer_read, sent) in peer_read.iter().zip(&sent) {
+            assert_eq!(peer_read, sent);
         }
     }
 }
@@ -269,9 +269,9 @@ fn another_reader_finds_an_overlay() {
         }
     }
     overlay.finish().unwrap();
-    let told = read_with_peer(&python, &path);
-    assert_eq!(told.len(), 200);
-    for (place, told) in told.iter().enumerate() {
+    let peer_read = read_with_peer(&python, &path);
+    assert_eq!(peer_read.len(), 200);
+    for (place, peer_read) in peer_read.iter().enumerate() {
         let row = place as i64 % 100;
         let topic = if place < 100 { "/fleetfoot/predicted" } else { "/fleetfoot/residual" };
         let stamp = Time::from_nanoseconds(1_000_000_007 * row).unwrap();
@@ -289,6 +289,6 @@ fn another_reader_finds_an_overlay() {
             sequence: row as u64,
             fields: fields.0,
         };
-        assert_eq!(told, &expected);
+        assert_eq!(peer_read, &expected);
     }
 }

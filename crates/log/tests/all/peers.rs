@@ -49,7 +49,7 @@ fn every_number_of_the_logs_of_other_writers() {
     let (mut held, mut by_truth) = (Held::default(), 0);
     for path in all.iter().filter(|path| file_name(path) != "odd_channels.mcap") {
         let damaged = ["truncated", "corrupt"].iter().any(|word| file_name(path).starts_with(word));
-        let own = match truth(path) {
+        let of_file = match truth(path) {
             Some(truth) => {
                 by_truth += 1;
                 hold(path, &truth, damaged)
@@ -61,13 +61,13 @@ fn every_number_of_the_logs_of_other_writers() {
             }
         };
         if file_name(path).starts_with("idl_mutable") {
-            let message = own.refused.get("/assembly").or(own.differences.first()).unwrap();
+            let message = of_file.refused.get("/assembly").or(of_file.differences.first()).unwrap();
             assert!(message.contains("/assembly") && message.contains("@mutable"), "{message}");
             continue;
         }
-        assert_eq!(own.refused, BTreeMap::new(), "{}", path.display());
-        assert!(own.numbers > 100 || !own.differences.is_empty(), "{}: {own:?}", path.display());
-        held.add(own);
+        assert_eq!(of_file.refused, BTreeMap::new(), "{}", path.display());
+        assert!(of_file.numbers > 100 || !of_file.differences.is_empty(), "{}: {of_file:?}", path.display());
+        held.add(of_file);
     }
     let Held { messages, numbers, missing, .. } = held;
     eprintln!(
@@ -155,15 +155,15 @@ fn a_recording_in_several_files_is_read_in_the_order_of_its_metadata() {
         parts.sort_by_key(|part| part.topics.iter().flat_map(|topic| topic.log_time.first()).min().copied());
         let mut whole: Vec<oracle::Topic> = Vec::new();
         for topic in parts.iter().flat_map(|part| &part.topics) {
-            if !whole.iter().any(|own| own.name == topic.name) {
+            if !whole.iter().any(|topic_there| topic_there.name == topic.name) {
                 let columns = topic.columns.iter().map(|(name, _)| (name.clone(), Vec::new())).collect();
                 whole.push(oracle::Topic { name: topic.name.clone(), columns, ..oracle::Topic::default() });
             }
-            let own = whole.iter_mut().find(|own| own.name == topic.name).unwrap();
-            own.messages += topic.messages;
-            own.log_time.extend(&topic.log_time);
-            own.publish_time.extend(&topic.publish_time);
-            for ((name, all), (part_name, part)) in own.columns.iter_mut().zip(&topic.columns) {
+            let topic_there = whole.iter_mut().find(|topic_there| topic_there.name == topic.name).unwrap();
+            topic_there.messages += topic.messages;
+            topic_there.log_time.extend(&topic.log_time);
+            topic_there.publish_time.extend(&topic.publish_time);
+            for ((name, all), (part_name, part)) in topic_there.columns.iter_mut().zip(&topic.columns) {
                 assert_eq!(name, part_name);
                 all.extend(part);
             }

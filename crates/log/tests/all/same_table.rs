@@ -366,12 +366,12 @@ fn check(table: &OneTable, path: &Path) -> Result<(), TestCaseError> {
     let last = stamp(table.clock, table.rows - 1);
     prop_assert_eq!((episode.rows, episode.start, episode.end), (table.rows, stamp(table.clock, 0), last));
     for (step, halo) in [(table.step, table.halo), (table.rows, 0), (table.step, 0)] {
-        for (c, (found, expected)) in values(&recording, step, halo).iter().zip(&expected).enumerate() {
+        for (c, (value_read, expected)) in values(&recording, step, halo).iter().zip(&expected).enumerate() {
             let name = &recording.columns()[c].name;
-            for (row, (&found, &expected)) in found.iter().zip(expected).enumerate() {
-                let found_value = f64::from_bits(found);
+            for (row, (&value_read, &expected)) in value_read.iter().zip(expected).enumerate() {
+                let found_value = f64::from_bits(value_read);
                 prop_assert!(
-                    found == bits(expected),
+                    value_read == bits(expected),
                     "{}, column {name}, row {row} in steps of {step}: {found_value} for {expected}",
                     path.display()
                 );

@@ -146,11 +146,11 @@ fn outcome(clock: &Clock, name: &str, kind: Type, folder: &std::path::Path) -> O
         Ok(recording) => {
             // Doubles hold the nanoseconds of a date to 256 ns.
             let is_near = |(a, b): (&i64, &i64)| (a - b).abs() <= if (*a).abs() > 1 << 53 { 256 } else { 0 };
-            let (found, truth) = (stamps(&recording), clock.nanoseconds());
-            let right = found.len() == truth.len() && found.iter().zip(&truth).all(is_near);
-            let told = format!("the numbers of `{name}` are taken as s; they could be ");
+            let (stamps_read, truth) = (stamps(&recording), clock.nanoseconds());
+            let right = stamps_read.len() == truth.len() && stamps_read.iter().zip(&truth).all(is_near);
+            let note_text = format!("the numbers of `{name}` are taken as s; they could be ");
             let is_told = |note: &String| {
-                note.split_once(&told).is_some_and(|(_, rest)| {
+                note.split_once(&note_text).is_some_and(|(_, rest)| {
                     rest.split_once(": name the unit").unwrap().0.split(" or ").any(|unit| unit == clock.unit.symbol())
                 })
             };
@@ -383,8 +383,8 @@ fn fractions_without_their_leading_zeros_are_mended() {
     assert_eq!(texts[0], "48.8519246");
     let mut sorted: Vec<(String, usize)> = texts.iter().cloned().zip(0..).collect();
     sorted.sort_by(|a, b| a.0.parse::<f64>().unwrap().total_cmp(&b.0.parse().unwrap()));
-    let (found, x, notes) = read_x(&written(folder.path(), "time", &texts));
-    assert_eq!(found, truth);
+    let (stamps_read, x, notes) = read_x(&written(folder.path(), "time", &texts));
+    assert_eq!(stamps_read, truth);
     assert_eq!(x, (0..3000).map(f64::from).collect::<Vec<_>>());
     let is_note = |note: &String| note.contains("lost their leading zeros") && note.contains("is read as 48.008519246");
     assert!(notes.iter().any(is_note), "{notes:?}");
@@ -402,13 +402,13 @@ fn fractions_without_their_leading_zeros_are_mended() {
     let clock = |ns: &i64| format!("2024-03-03 09:00:{}", lost(ns));
     let dates: Vec<String> = truth[..900].iter().map(clock).collect();
     let start = 1_709_456_400_000_000_000;
-    let (found, _, _) = read_x(&written(folder.path(), "time", &dates));
-    assert_eq!(found, truth[..900].iter().map(|ns| start + ns).collect::<Vec<_>>());
+    let (stamps_read, _, _) = read_x(&written(folder.path(), "time", &dates));
+    assert_eq!(stamps_read, truth[..900].iter().map(|ns| start + ns).collect::<Vec<_>>());
     // A later fraction begins with a zero: none was lost, and the stamps stand as they are.
     let mut unsure = texts.clone();
     unsure.push("79.01".into());
-    let (found, _, notes) = read_x(&written(folder.path(), "time", &unsure));
-    assert_eq!((found[0], found.last()), (48_851_924_600, Some(&79_010_000_000)));
+    let (stamps_read, _, notes) = read_x(&written(folder.path(), "time", &unsure));
+    assert_eq!((stamps_read[0], stamps_read.last()), (48_851_924_600, Some(&79_010_000_000)));
     assert!(!notes.iter().any(is_note), "{notes:?}");
 }
 
@@ -424,8 +424,8 @@ fn counters_that_wrap_are_counted_on() {
         let texts: Vec<String> = ticks.iter().map(|tick| (tick % period).to_string()).collect();
         let path = written(folder.path(), name, &texts);
         let first = ns[0] - ticks[0] % period * unit;
-        let (found, x, notes) = read_x(&path);
-        assert_eq!(found, ns.iter().map(|ns| ns - first).collect::<Vec<_>>(), "{name}");
+        let (stamps_read, x, notes) = read_x(&path);
+        assert_eq!(stamps_read, ns.iter().map(|ns| ns - first).collect::<Vec<_>>(), "{name}");
         assert_eq!(x.len(), 400);
         assert!(notes.iter().any(|note| note.contains(&format!("of `{name}` wrap at 2^{bits}"))), "{notes:?}");
         // At a rate, and from Parquet.
@@ -439,7 +439,7 @@ fn counters_that_wrap_are_counted_on() {
         let wrapped: Vec<i64> = ticks.iter().map(|tick| tick % period).collect();
         writer.write(&[Values::Integer(&wrapped), Values::Float(&x)]).unwrap();
         writer.finish().unwrap();
-        assert_eq!(read_x(&path).0, found, "{name}");
+        assert_eq!(read_x(&path).0, stamps_read, "{name}");
     }
     // A logger that was started anew: two episodes.
     let texts: Vec<String> = (0..60).map(|row| (row % 30 * 10).to_string()).collect();
@@ -466,8 +466,8 @@ fn weeks_of_gps_and_the_time_of_the_week_are_one_clock() {
     ] {
         let time = |ms: i64| if seconds { format!("{}.{:03}", ms / 1000, ms % 1000) } else { ms.to_string() };
         let texts: Vec<String> = rows.iter().map(|(week, ms)| format!("{},{}", 2303 + week, time(*ms))).collect();
-        let (found, x, notes) = read_x(&written(folder.path(), names, &texts));
-        assert_eq!(found, truth, "{names}");
+        let (stamps_read, x, notes) = read_x(&written(folder.path(), names, &texts));
+        assert_eq!(stamps_read, truth, "{names}");
         assert_eq!(x.len(), 100);
         assert!(notes.iter().any(|note| note.contains("GPS time, which is 18 s ahead of UTC")), "{notes:?}");
     }

@@ -41,12 +41,12 @@ fn columns_of_several_instances_are_joined() {
     let recording = open(&[&path], &Selection::new(columns)).unwrap();
     assert_eq!((recording.episodes().len(), recording.episodes()[0].rows), (1, 200));
     assert_eq!(recording.episodes()[0].start, 1_000_000_000);
-    let (own, other) = (rows(&recording, 0).remove(0), rows(&recording, 1).remove(0));
+    let (first_rows, other) = (rows(&recording, 0).remove(0), rows(&recording, 1).remove(0));
     assert!(
-        own.iter().zip(&other).all(|(own, other)| *own == -other),
+        first_rows.iter().zip(&other).all(|(first, other)| *first == -other),
         "the second gyroscope is the first one, mirrored"
     );
-    assert_eq!(own[10], f64::from(10_f32.mul_add(0.1, 0.0)));
+    assert_eq!(first_rows[10], f64::from(10_f32.mul_add(0.1, 0.0)));
     // Whole numbers and texts hold.
     let rpm = rows(&recording, 2).remove(0);
     assert_eq!((rpm[5], rpm[9], rpm[10]), (2005.0, 2005.0, 2010.0));
@@ -70,14 +70,14 @@ fn the_time_of_sampling_is_a_clock() {
 }
 
 /// Gyroscope 0 each 10 ms, and 1 each 10 ms in between; both lose two samples, with a dropout told or not.
-fn lossy(told: bool) -> Ulog {
+fn lossy(with_dropouts: bool) -> Ulog {
     let mut log = Ulog::new(0);
     log.format("gyro:uint64_t timestamp;float x;")
         .subscribe(0, 0, "gyro")
         .subscribe(1, 1, "gyro")
         .subscribe(2, 2, "gyro");
     for k in 1..=100_u64 {
-        if told && k == 51 {
+        if with_dropouts && k == 51 {
             log.dropout(20);
         }
         if k != 50 && k != 51 {

@@ -35,11 +35,11 @@ fn invented(read: &Messages, truth: &Messages) -> usize {
                 .iter()
                 .filter(|message| {
                     let mut ahead = left.clone();
-                    let found = ahead.any(|own| own == *message);
-                    if found {
+                    let is_there = ahead.any(|message_ahead| message_ahead == *message);
+                    if is_there {
                         left = ahead;
                     }
-                    !found
+                    !is_there
                 })
                 .count()
         })
@@ -110,15 +110,15 @@ fn changed_bytes_invent_nothing_and_what_is_lost_is_told() {
             };
             let read = read_all(&container);
             summary(&container, &Silent).unwrap();
-            let told = !container.damage().is_empty() || !container.notes().is_empty();
+            let is_noted = !container.damage().is_empty() || !container.notes().is_empty();
             // Outside chunks there are no checksums: one message may be changed, or moved to another channel, in silence.
             let free = usize::from(name.starts_with("unchunked"));
-            if !(free == 1 && told) {
+            if !(free == 1 && is_noted) {
                 let wrong = invented(&read, &truth);
                 assert!(wrong <= free, "{name} byte {at} changed by {change}: {wrong} wrong messages");
             }
             assert!(
-                told || total(&read) + free >= 1200,
+                is_noted || total(&read) + free >= 1200,
                 "{name} byte {at} changed by {change}: {} left, untold",
                 total(&read)
             );

@@ -22,11 +22,11 @@ fn simulated_headers_and_a_log_of_2026_each_work() {
     let mut log = Log::new();
     log.drive(|_, at| Some((at - START + 10 * SECOND, at + 2 * MILLISECOND)));
     let log = log.finish();
-    let found = [None, Some(Stamp::Header), Some(Stamp::Log), Some(Stamp::Publish)]
+    let by_clock = [None, Some(Stamp::Header), Some(Stamp::Log), Some(Stamp::Publish)]
         .map(|stamp| whole(&log.open(&selection(stamp))));
-    assert_eq!(found[0], found[1], "all have headers");
+    assert_eq!(by_clock[0], by_clock[1], "all have headers");
     let starts = [10 * SECOND, START + 2 * MILLISECOND, START + MILLISECOND];
-    for (rows, start) in found[1..].iter().zip(starts) {
+    for (rows, start) in by_clock[1..].iter().zip(starts) {
         assert_eq!(rows.stamps.len(), 80);
         for (row, &stamp) in rows.stamps.iter().enumerate() {
             assert_eq!(stamp, start + row as i64 * 50 * MILLISECOND);
@@ -162,10 +162,10 @@ fn nothing_is_bridged_over_a_gap() {
     let mut log = Log::new();
     log.drive(|_, at| Some((gap(at), gap(at))));
     let recording = log.finish().open(&selection(None));
-    let found = episodes(&recording);
-    assert_eq!(found.iter().map(|rows| rows.stamps.len()).collect::<Vec<_>>(), [40, 40]);
-    assert_eq!((found[0].stamps[0], found[1].stamps[0]), (START, START + 4 * SECOND));
-    assert!(found.iter().all(|rows| rows.columns[0].iter().all(|value| value.is_finite())));
+    let episode_list = episodes(&recording);
+    assert_eq!(episode_list.iter().map(|rows| rows.stamps.len()).collect::<Vec<_>>(), [40, 40]);
+    assert_eq!((episode_list[0].stamps[0], episode_list[1].stamps[0]), (START, START + 4 * SECOND));
+    assert!(episode_list.iter().all(|rows| rows.columns[0].iter().all(|value| value.is_finite())));
     let block = recording.read(1, 0..5, Halo { before: 5, after: 2 }).unwrap();
     assert_eq!((block.before, block.after), (0, 2), "no lag reaches over the gap");
     let block = recording.read(0, 38..40, Halo { before: 1, after: 9 }).unwrap();

@@ -12,9 +12,9 @@ fn columns_are_the_messages_one_by_one() {
     let messages = Messages::open(&log.path).unwrap();
     let columns = messages.columns("/odom", None, &Silent).unwrap();
     assert!(columns.notes.is_empty(), "{:?}", columns.notes);
-    let found = messages.fields("/odom", &Silent).unwrap();
+    let fields = messages.fields("/odom", &Silent).unwrap();
     let names: Vec<&str> = columns.fields.iter().map(|field| field.name.as_str()).collect();
-    assert_eq!(names, found.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
+    assert_eq!(names, fields.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
     assert!(names.contains(&"twist.twist.linear.x") && names.contains(&"pose.covariance[35]"));
     let mut row = 0;
     messages

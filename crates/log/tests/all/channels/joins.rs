@@ -18,7 +18,7 @@ fn every_kind_gives_the_closed_form() {
     let mut selection =
         Selection::new(["/odom.pose.pose.position.x", "/force.vector.x", "/force.vector.y", "/force.vector.z"]);
     selection.join.columns = [("/force.vector.y", JoinKind::Angle), ("/force.vector.z", JoinKind::Hold)]
-        .map(|(name, own)| (name.into(), kind(own)))
+        .map(|(name, expected_kind)| (name.into(), kind(expected_kind)))
         .into();
     let rows = whole(&log.open(&selection));
     let mut wraps = 0;
@@ -105,13 +105,13 @@ fn joints() -> Log {
     for k in 0..100 {
         let at = START + k * 20 * MILLISECOND;
         let t = seconds(at);
-        let told = [("left", t), ("right", -t), ("arm.lift", 5.0 * t), ("7", 7.0)];
-        let mut told: Vec<(&str, f64)> =
-            told.into_iter().filter(|(name, _)| k % 5 != 4 || *name != "arm.lift").collect();
+        let joints_sent = [("left", t), ("right", -t), ("arm.lift", 5.0 * t), ("7", 7.0)];
+        let mut joints_sent: Vec<(&str, f64)> =
+            joints_sent.into_iter().filter(|(name, _)| k % 5 != 4 || *name != "arm.lift").collect();
         if k % 3 == 0 {
-            told.reverse();
+            joints_sent.reverse();
         }
-        let (name, position): (Vec<&str>, Vec<f64>) = told.into_iter().unzip();
+        let (name, position): (Vec<&str>, Vec<f64>) = joints_sent.into_iter().unzip();
         let message =
             JointState { header: stamped(at), name: &name, position: &position, velocity: &position, effort: &[] };
         log.write("/joint_states", at, &message);

@@ -20,8 +20,8 @@ fn every_number_of_logs_of_ardupilot() {
         (fixtures.join("flight.log"), 13, 2_000),
     ] {
         let lines = run(&python, "read_dataflash.py", &[path.as_os_str()]);
-        let told = read_lines(&lines).into_values().next().unwrap_or_default();
-        let held = hold(&path, &told.topics, false);
+        let peer_read = read_lines(&lines).into_values().next().unwrap_or_default();
+        let held = hold(&path, &peer_read.topics, false);
         eprintln!("{}: {} topics, {} messages, {} numbers", path.display(), held.topics, held.messages, held.numbers);
         assert_eq!(held.differences, [""; 0], "{}", path.display());
         assert_eq!(held.topics, topics, "{:?}", held.refused);

@@ -37,18 +37,18 @@ impl Held {
 }
 
 /// Compares every number and stamp of every message; the same topics must be there, but for those of which a damaged file has lost all messages.
-pub(crate) fn hold(path: &Path, told: &[Topic], damaged: bool) -> Held {
+pub(crate) fn hold(path: &Path, peer_topics: &[Topic], damaged: bool) -> Held {
     let log = Messages::open(path).unwrap_or_else(|problem| panic!("{problem}"));
     let ours: BTreeSet<String> = log.topics().unwrap().into_iter().map(|topic| topic.name).collect();
     let theirs: BTreeSet<String> =
-        told.iter().filter(|topic| !damaged || topic.messages > 0).map(|topic| topic.name.clone()).collect();
+        peer_topics.iter().filter(|topic| !damaged || topic.messages > 0).map(|topic| topic.name.clone()).collect();
     if damaged {
         assert!(ours.is_superset(&theirs), "{}: {ours:?} instead of {theirs:?}", path.display());
     } else {
         assert_eq!(ours, theirs, "{}", path.display());
     }
     let mut held = Held::default();
-    for topic in told.iter().filter(|topic| ours.contains(&topic.name)) {
+    for topic in peer_topics.iter().filter(|topic| ours.contains(&topic.name)) {
         held.add(hold_topic(path, &log, topic));
     }
     held

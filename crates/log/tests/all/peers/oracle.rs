@@ -51,16 +51,16 @@ pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeM
 
 /// Reports in the lines, by the names of the files.
 pub(crate) fn read_lines(lines: &str) -> BTreeMap<String, Told> {
-    let mut told: BTreeMap<String, Told> = BTreeMap::new();
+    let mut by_file: BTreeMap<String, Told> = BTreeMap::new();
     for line in lines.lines() {
         let json: serde_json::Value = serde_json::from_str(line).unwrap();
-        let file = told.entry(json["file"].as_str().unwrap().to_owned()).or_default();
+        let file = by_file.entry(json["file"].as_str().unwrap().to_owned()).or_default();
         match json["damage"].as_str() {
             Some(damage) => file.damage = Some(damage.to_owned()),
             None => take(&mut file.topics, &json),
         }
     }
-    told
+    by_file
 }
 
 /// The truth that the writer left beside a file, where it did.

@@ -34,8 +34,8 @@ fn every_number_of_the_recordings_of_another_writer() {
         ["ros1_none.bag", "ros1_bz2.bag", "ros1_lz4.bag", "ros2_none", "ros2_file", "ros2_message", "ros2_split"];
     for name in kinds.into_iter().chain(["wal/wal.db3"]) {
         let path = folder.path().join(name);
-        let told = read(&python, &path);
-        let held = hold(&path, &told.topics, false);
+        let peer_read = read(&python, &path);
+        let held = hold(&path, &peer_read.topics, false);
         assert_eq!(held.differences, [""; 0], "{name}");
         let rows = if name.starts_with("wal") { 9600 } else { 4800 };
         assert_eq!((held.topics, held.messages), (2, rows), "{name}: {:?}", held.refused);

@@ -29,7 +29,7 @@ fn same(text: &str, number: &serde_json::Value) -> bool {
     if let Some(word) = number.as_str() {
         return text.eq_ignore_ascii_case(word);
     }
-    text.parse::<f64>().is_ok_and(|own| number.as_f64().is_some_and(|other| own as f32 == other as f32))
+    text.parse::<f64>().is_ok_and(|value_read| number.as_f64().is_some_and(|other| value_read as f32 == other as f32))
 }
 
 /// Compares parameters, changes, defaults and information; answers how many values were compared.
@@ -40,8 +40,8 @@ fn hold_about(path: &Path, about: &serde_json::Value) -> usize {
     {
         let theirs = about[section].as_object().unwrap();
         for (name, value) in theirs {
-            let own = &pairs[&format!("{prefix}{name}")];
-            assert!(same(own, value), "{prefix}{name}: {own} instead of {value}");
+            let value_read = &pairs[&format!("{prefix}{name}")];
+            assert!(same(value_read, value), "{prefix}{name}: {value_read} instead of {value}");
         }
         assert_eq!(pairs.keys().filter(|key| key.starts_with(prefix)).count(), theirs.len(), "{prefix}");
         compared += theirs.len();
@@ -52,12 +52,13 @@ fn hold_about(path: &Path, about: &serde_json::Value) -> usize {
         compared += 1;
     }
     for (name, theirs) in &changes {
-        let own: Vec<&str> = pairs[&format!("changed.{name}")].split("; ").collect();
-        assert_eq!(own.len(), theirs.len(), "{name}");
-        for (own, (time, value)) in own.iter().zip(theirs) {
-            let (number, when) = own.strip_suffix(" s").and_then(|own| own.split_once(" from ")).unwrap();
-            assert!(same(number, value), "{name}: {own} instead of {value}");
-            assert!((when.parse::<f64>().unwrap() - time).abs() < 1e-9, "{name}: {own} instead of {time}");
+        let value_read: Vec<&str> = pairs[&format!("changed.{name}")].split("; ").collect();
+        assert_eq!(value_read.len(), theirs.len(), "{name}");
+        for (value_read, (time, value)) in value_read.iter().zip(theirs) {
+            let (number, when) =
+                value_read.strip_suffix(" s").and_then(|value_read| value_read.split_once(" from ")).unwrap();
+            assert!(same(number, value), "{name}: {value_read} instead of {value}");
+            assert!((when.parse::<f64>().unwrap() - time).abs() < 1e-9, "{name}: {value_read} instead of {time}");
         }
     }
     for (name, value) in about["info"].as_object().unwrap() {
@@ -91,10 +92,10 @@ fn hold_texts(path: &Path, about: &serde_json::Value) -> usize {
     let read =
         Messages::open(path).unwrap().columns("/logged_messages", Some(&["message".to_owned()]), &Silent).unwrap();
     let ColumnKind::Category(names) = &read.fields[0].kind else { panic!("{:?}", read.fields[0].kind) };
-    let mut own: Vec<&str> = read.fields[0].values.iter().map(|&code| names[code as usize].as_str()).collect();
-    own.sort_unstable();
-    assert_eq!(own, theirs, "{}", path.display());
-    own.len()
+    let mut texts_read: Vec<&str> = read.fields[0].values.iter().map(|&code| names[code as usize].as_str()).collect();
+    texts_read.sort_unstable();
+    assert_eq!(texts_read, theirs, "{}", path.display());
+    texts_read.len()
 }
 
 fn hold_file(python: &std::ffi::OsStr, path: &Path) -> Held {

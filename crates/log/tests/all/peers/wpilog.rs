@@ -15,8 +15,8 @@ fn every_number_of_logs_of_wpilib() {
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/robot.wpilog");
     for (path, numbers) in [(folder.path().join("robot.wpilog"), 28_000), (fixture, 2_100)] {
         let lines = run(&python, "read_wpilog.py", &[path.as_os_str()]);
-        let told = read_lines(&lines).into_values().next().unwrap_or_default();
-        let held = hold(&path, &told.topics, false);
+        let peer_read = read_lines(&lines).into_values().next().unwrap_or_default();
+        let held = hold(&path, &peer_read.topics, false);
         eprintln!("{}: {} topics, {} messages, {} numbers", path.display(), held.topics, held.messages, held.numbers);
         assert_eq!(held.differences, [""; 0], "{}", path.display());
         assert_eq!(held.topics, 12, "{:?}", held.refused);
