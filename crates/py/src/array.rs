@@ -145,7 +145,7 @@ impl Array {
                 self.turned::<$kind>(columns, rows, $convert)
             };
         }
-        let found = match self.scalar {
+        let scaled = match self.scalar {
             Scalar::Bool => turned!(u8, |value| f64::from(u8::from(value != 0))),
             Scalar::I8 => turned!(i8, f64::from),
             Scalar::I16 => turned!(i16, f64::from),
@@ -166,14 +166,14 @@ impl Array {
                 })
             }
         };
-        found.into_iter().map(ScalarBuffer::from).collect()
+        scaled.into_iter().map(ScalarBuffer::from).collect()
     }
 
     fn turned<T: Copy>(&self, columns: &[usize], rows: Range<usize>, convert: impl Fn(T) -> f64) -> Vec<Vec<f64>> {
-        let mut found: Vec<Vec<f64>> = columns.iter().map(|_| Vec::with_capacity(rows.len())).collect();
+        let mut turned_columns: Vec<Vec<f64>> = columns.iter().map(|_| Vec::with_capacity(rows.len())).collect();
         for from in rows.clone().step_by(TURNED) {
             let to = (from + TURNED).min(rows.end);
-            for (&column, values) in columns.iter().zip(&mut found) {
+            for (&column, values) in columns.iter().zip(&mut turned_columns) {
                 let start = self.at(from, column);
                 values.extend((0..to - from).map(|row| {
                     // SAFETY: the row and the column are within the array, which is alive; cells need not be aligned.
@@ -183,7 +183,7 @@ impl Array {
                 }));
             }
         }
-        found
+        turned_columns
     }
 
     /// Whole numbers of a column; `None` where it holds others.
@@ -314,13 +314,13 @@ impl MemoryTable for Arrays {
     }
 
     fn values(&self, columns: &[usize], rows: Range<usize>) -> Vec<ScalarBuffer<f64>> {
-        let mut found = Vec::with_capacity(columns.len());
+        let mut values_read = Vec::with_capacity(columns.len());
         // Neighbours in one array are read together.
         for group in columns.chunk_by(|&a, &b| self.places[a].0 == self.places[b].0) {
             let inside: Vec<usize> = group.iter().map(|&column| self.places[column].1).collect();
-            found.extend(self.arrays[self.places[group[0]].0].values(&inside, rows.clone()));
+            values_read.extend(self.arrays[self.places[group[0]].0].values(&inside, rows.clone()));
         }
-        found
+        values_read
     }
 
     fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>> {

@@ -37,9 +37,9 @@ impl ArrowTable {
         for (place, field) in schema.fields().iter().enumerate() {
             let chunks: Vec<ArrayRef> =
                 batches.iter().filter(|batch| batch.num_rows() > 0).map(|batch| batch.column(place).clone()).collect();
-            for (column, own) in leaves(field, field.name().clone(), chunks)? {
+            for (column, leaf) in leaves(field, field.name().clone(), chunks)? {
                 columns.push(column);
-                stored.push(own);
+                stored.push(leaf);
             }
         }
         Ok(Self { name, rows, columns, stored })
@@ -57,11 +57,11 @@ pub(crate) fn collect(name: &str, parts: &[Bound<'_, PyAny>]) -> PyResult<(Schem
     let (mut schema, mut batches): (Option<SchemaRef>, Vec<RecordBatch>) = (None, Vec::new());
     for (at, part) in parts.iter().enumerate() {
         let reader = capsule::batches(part)?;
-        let own = reader.schema();
+        let batch_schema = reader.schema();
         if let Some(first) = &schema {
-            agree(name, at, first, &own)?;
+            agree(name, at, first, &batch_schema)?;
         } else {
-            schema = Some(own);
+            schema = Some(batch_schema);
         }
         // A stream may compute its batches on threads of its own that need the interpreter.
         let read = part.py().detach(|| reader.collect::<Result<Vec<_>, ArrowError>>());
@@ -73,15 +73,15 @@ pub(crate) fn collect(name: &str, parts: &[Bound<'_, PyAny>]) -> PyResult<(Schem
     }
 }
 
-fn agree(name: &str, at: usize, first: &SchemaRef, own: &SchemaRef) -> PyResult<()> {
-    let pairs = first.fields().iter().zip(own.fields());
+fn agree(name: &str, at: usize, first: &SchemaRef, batch_schema: &SchemaRef) -> PyResult<()> {
+    let pairs = first.fields().iter().zip(batch_schema.fields());
     let differing = pairs.into_iter().find(|(a, b)| a.name() != b.name() || a.data_type() != b.data_type());
     let problem = match differing {
         Some((a, b)) => {
             format!("`{}` ({}) where the first has `{}` ({})", b.name(), b.data_type(), a.name(), a.data_type())
         }
-        None if first.fields().len() != own.fields().len() => {
-            format!("{} columns where the first has {}", own.fields().len(), first.fields().len())
+        None if first.fields().len() != batch_schema.fields().len() => {
+            format!("{} columns where the first has {}", batch_schema.fields().len(), first.fields().len())
         }
         None => return Ok(()),
     };

@@ -77,12 +77,12 @@ pub(crate) fn leaves(
         let unit = field.metadata().get("unit").or_else(|| field.metadata().get("units")).cloned();
         return Ok(vec![(Column { name, unit, kind: column.bare_kind() }, column)]);
     };
-    let mut found = Vec::new();
+    let mut leaf_list = Vec::new();
     for (place, child) in children.iter().enumerate() {
         let inner = chunks.iter().map(|chunk| part(chunk.as_struct(), place)).collect::<Result<Vec<_>, _>>()?;
-        found.extend(leaves(child, format!("{name}.{}", child.name()), inner)?);
+        leaf_list.extend(leaves(child, format!("{name}.{}", child.name()), inner)?);
     }
-    Ok(found)
+    Ok(leaf_list)
 }
 
 /// A field of a struct, missing where the struct is.
@@ -174,15 +174,15 @@ impl ArrowColumn {
     /// Values of some rows.
     pub(crate) fn values(&self, rows: Range<usize>) -> ScalarBuffer<f64> {
         let parts = self.parts(rows.clone());
-        if let &[(chunk, ref own)] = parts.as_slice()
+        if let &[(chunk, ref part)] = parts.as_slice()
             && self.kind == DataType::Float64
             && self.chunks[chunk].null_count() == 0
         {
-            return self.chunks[chunk].as_primitive::<Float64Type>().values().slice(own.start, own.len());
+            return self.chunks[chunk].as_primitive::<Float64Type>().values().slice(part.start, part.len());
         }
         let mut out = Vec::with_capacity(rows.len());
-        for (chunk, own) in parts {
-            self.read(chunk, own, &mut out);
+        for (chunk, part) in parts {
+            self.read(chunk, part, &mut out);
         }
         out.into()
     }
@@ -196,7 +196,7 @@ impl ArrowColumn {
                 let (start, length) = (self.starts[chunk], self.chunks[chunk].len());
                 (chunk, rows.start.saturating_sub(start)..(rows.end - start).min(length))
             })
-            .filter(|(_, own)| !own.is_empty())
+            .filter(|(_, part)| !part.is_empty())
             .collect()
     }
 
@@ -259,15 +259,15 @@ impl ArrowColumn {
         }
         let days = matches!(self.meaning, Meaning::Time { days: true, .. });
         let parts = self.parts(rows.clone());
-        if let &[(chunk, ref own)] = parts.as_slice()
+        if let &[(chunk, ref part)] = parts.as_slice()
             && self.kind == DataType::Int64
             && self.chunks[chunk].null_count() == 0
         {
-            return Some(self.chunks[chunk].as_primitive::<Int64Type>().values().slice(own.start, own.len()));
+            return Some(self.chunks[chunk].as_primitive::<Int64Type>().values().slice(part.start, part.len()));
         }
         let mut out = Vec::with_capacity(rows.len());
-        for (chunk, own) in parts {
-            self.counts(chunk, own, &mut out);
+        for (chunk, part) in parts {
+            self.counts(chunk, part, &mut out);
         }
         if days {
             for value in out.iter_mut().filter(|value| **value != MISSING) {

@@ -24,17 +24,17 @@ pub(crate) fn auto<'py>(
 ) -> PyResult<Found<'py>> {
     let recipe = of_json(recipe_text)?;
     let output = folder.map(|folder| AutoOutput { folder, force, c });
-    let found = run(py, progress, |progress| {
+    let outcome = run(py, progress, |progress| {
         if let Some(output) = &output {
             output.check(&data.logs.files())?;
         }
-        let found = fleetfoot::auto(&recipe, &data.logs, progress)?;
+        let outcome = fleetfoot::auto(&recipe, &data.logs, progress)?;
         if let Some(output) = &output {
-            found.write(output, &data.logs, progress)?;
+            outcome.write(output, &data.logs, progress)?;
         }
-        Ok(found)
+        Ok(outcome)
     })?;
-    let told = object(py, &found.to_json())?;
-    let linear = found.linear.map(Model::new).transpose()?;
-    Ok((Model::new(found.model)?, linear, told, found.recipe.to_toml()))
+    let report = object(py, &outcome.to_json())?;
+    let linear = outcome.linear.map(Model::new).transpose()?;
+    Ok((Model::new(outcome.model)?, linear, report, outcome.recipe.to_toml()))
 }

@@ -71,17 +71,17 @@ pub(crate) fn bolasso<'py>(
     let py = x.py();
     let (x, y) = (Array::of(x, "X")?, Array::of(y, "y")?);
     let (features, targets) = (x.columns(), y.columns());
-    for found in [request.alphas.len(), request.scales.len()] {
-        if found != targets {
+    for given in [request.alphas.len(), request.scales.len()] {
+        if given != targets {
             return Err(
-                Kind::Request.error(format!("{found} alphas or scales for {targets} targets: give one a target"))
+                Kind::Request.error(format!("{given} alphas or scales for {targets} targets: give one a target"))
             );
         }
     }
     // A replicate's counts are fewer than its products.
     if features > MOST_PRODUCTS && 2 * x.rows() <= features * features {
-        let found = request.of_rows(py, Borrowed::dense(x, y), weights, progress)?;
-        return unpacked(py, &found, request.intercept, [targets, features]);
+        let selection = request.of_rows(py, Borrowed::dense(x, y), weights, progress)?;
+        return unpacked(py, &selection, request.intercept, [targets, features]);
     }
     let names = |prefix: &str, count: usize| (0..count).map(|k| format!("{prefix}{k}")).collect::<Vec<String>>();
     let mut arrays = vec![(x, names("x", features)), (y, names("y", targets))];
@@ -92,9 +92,9 @@ pub(crate) fn bolasso<'py>(
     let source = ArraySource::new(Arrays::new("X".into(), arrays)?, &request.lengths)?;
     let (assembly, lambda) = request.assembly(features);
     let options = BootstrapOptions { replicates: request.replicates, lambda, seed: request.seed, threshold: 1.0 };
-    let found = run_any(py, progress, |progress| {
+    let selection = run_any(py, progress, |progress| {
         progress.stage("resamples");
-        let found = match request.unit.as_str() {
+        let selection = match request.unit.as_str() {
             "rows" => {
                 let plan =
                     Plan { regression, also: Vec::new(), chunk_rows: ROWS_OF_CHUNK, preconditioners: Vec::new() };
@@ -110,12 +110,12 @@ pub(crate) fn bolasso<'py>(
                 })
             }
         };
-        found.map_err(|error| match error {
+        selection.map_err(|error| match error {
             BolassoError::Cancelled(cancelled) => cancelled.into(),
             error => Failure::of(Kind::Fit)(&error),
         })
     })?;
-    unpacked(py, &found, request.intercept, [targets, features])
+    unpacked(py, &selection, request.intercept, [targets, features])
 }
 
 /// Rows that are summed together where resampling does not say.
@@ -141,8 +141,8 @@ impl BolassoRequest {
         run_any(py, progress, |progress| {
             progress.stage("resamples");
             let request = DenseBootstrap { lambdas, intercept, positive, counts: self.counts(), threshold: 1.0 };
-            let found = dense_bootstrap(&rows, weights.as_deref(), &request, progress);
-            found.map_err(|error| Failure::of(Kind::Fit)(&error))
+            let bootstrap = dense_bootstrap(&rows, weights.as_deref(), &request, progress);
+            bootstrap.map_err(|error| Failure::of(Kind::Fit)(&error))
         })
     }
 
@@ -188,8 +188,8 @@ impl BolassoRequest {
         let lambda = strengths.iter().copied().fold(0.0, f64::max);
         let share = |strength: &f64| if lambda > 0.0 { strength / lambda } else { 1.0 };
         let per_target = |feature: f64, constant: f64| {
-            let own = std::iter::repeat_n(feature, features).chain(self.intercept.then_some(constant));
-            own.collect::<Vec<f64>>().repeat(self.alphas.len())
+            let columns_of_feature = std::iter::repeat_n(feature, features).chain(self.intercept.then_some(constant));
+            columns_of_feature.collect::<Vec<f64>>().repeat(self.alphas.len())
         };
         let sign = |value: f64| if value > 0.0 { Sign::NonNegative } else { Sign::Free };
         let signs = if self.positive { per_target(1.0, 0.0).into_iter().map(sign).collect() } else { Vec::new() };
@@ -201,7 +201,7 @@ impl BolassoRequest {
 
 fn unpacked<'py>(
     py: Python<'py>,
-    found: &Selection,
+    selection: &Selection,
     intercept: bool,
     [targets, features]: [usize; 2],
 ) -> PyResult<Found<'py>> {
@@ -210,18 +210,18 @@ fn unpacked<'py>(
     let places = || (0..targets).flat_map(|k| (0..features).map(move |j| place(k, j)));
     let pick =
         |values: &[f64]| PyArray1::from_vec(py, places().map(|at| values[at]).collect()).reshape([targets, features]);
-    let replicates = found.coefficients.nrows();
-    let all = (0..replicates).flat_map(|b| places().map(move |at| found.coefficients[(b, at)]));
-    let constant = |b: usize, k: usize| if intercept { found.coefficients[(b, place(k, features))] } else { 0.0 };
+    let replicates = selection.coefficients.nrows();
+    let all = (0..replicates).flat_map(|b| places().map(move |at| selection.coefficients[(b, at)]));
+    let constant = |b: usize, k: usize| if intercept { selection.coefficients[(b, place(k, features))] } else { 0.0 };
     let constants = (0..replicates).flat_map(|b| (0..targets).map(move |k| constant(b, k)));
     Ok((
-        pick(&found.frequency)?,
-        pick(&found.sign)?,
+        pick(&selection.frequency)?,
+        pick(&selection.sign)?,
         PyArray1::from_vec(py, all.collect()).reshape([replicates, targets, features])?,
         PyArray1::from_vec(py, constants.collect()).reshape([replicates, targets])?,
-        found.worst_kkt,
-        found.unconverged,
-        found.empty,
+        selection.worst_kkt,
+        selection.unconverged,
+        selection.empty,
     ))
 }
 

@@ -14,6 +14,6 @@ pub(crate) fn check<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let recipe = of_json(recipe_text)?;
-    let found = run(py, progress, |progress| Ok(fleetfoot::check(&recipe, &data.logs, progress)?))?;
-    object(py, &found)
+    let checked = run(py, progress, |progress| Ok(fleetfoot::check(&recipe, &data.logs, progress)?))?;
+    object(py, &checked)
 }

@@ -66,9 +66,9 @@ impl KMeansPoints {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let draws = draws.as_array().to_vec();
-        let found =
+        let seeds =
             run_any(py, progress, |progress| Ok(starting_centroids(&self.points, clusters, &draws, progress)?))?;
-        PyArray1::from_vec(py, self.units.restore(&found)).reshape((clusters, self.points.dimensions()))
+        PyArray1::from_vec(py, self.units.restore(&seeds)).reshape((clusters, self.points.dimensions()))
     }
 
     /// Lloyd's iterations from centroids (k x d).
@@ -92,8 +92,8 @@ impl KMeansPoints {
         })?;
         let area = self.units.area();
         let centroids = PyArray1::from_vec(py, self.units.restore(&run.centroids));
-        let told = |step: &KMeansStep| (step.inertia * area, step.changed, step.shift * area);
-        let steps = run.history.iter().map(told).collect();
+        let step_tuple = |step: &KMeansStep| (step.inertia * area, step.changed, step.shift * area);
+        let steps = run.history.iter().map(step_tuple).collect();
         Ok((
             centroids.reshape((k, self.points.dimensions()))?,
             run.inertia * area,
@@ -126,10 +126,10 @@ pub(crate) fn kmeans_assign<'py>(
     let rows = Matrix::of(x, "X")?;
     let centroids = of_width(&rows, &centroids)?;
     let weights = weights.map(|weights| weights.as_array().to_vec());
-    let found =
+    let assigned =
         run_any(x.py(), progress, |progress| Ok(assign_rows(&rows, &centroids, weights.as_deref(), progress)?))?;
-    let labels = found.labels.into_iter().map(|label| label as i32).collect();
-    Ok((PyArray1::from_vec(x.py(), labels), found.counts, found.inertia))
+    let labels = assigned.labels.into_iter().map(|label| label as i32).collect();
+    Ok((PyArray1::from_vec(x.py(), labels), assigned.counts, assigned.inertia))
 }
 
 /// Distances (n x k) of each row of X (n x d) to centroids (k x d).
@@ -143,7 +143,7 @@ pub(crate) fn kmeans_distances<'py>(
     let rows = Matrix::of(x, "X")?;
     let k = centroids.as_array().nrows();
     let centroids = of_width(&rows, &centroids)?;
-    let found = run_any(x.py(), progress, |progress| {
+    let distances = run_any(x.py(), progress, |progress| {
         ensure_memory(
             rows.rows().saturating_mul(8 * k),
             &format!("distances of {} rows to {k} centres", rows.rows()),
@@ -153,7 +153,7 @@ pub(crate) fn kmeans_distances<'py>(
         distances_to(&rows, &centroids, &mut out, progress)?;
         Ok(out)
     })?;
-    PyArray1::from_vec(x.py(), found).reshape((rows.rows(), k))
+    PyArray1::from_vec(x.py(), distances).reshape((rows.rows(), k))
 }
 
 /// Centroids row by row, as wide as the rows.

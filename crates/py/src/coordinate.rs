@@ -106,12 +106,12 @@ impl Problems {
         let problem = self.target(target)?;
         let alphas = alphas.as_array().to_vec();
         let start = start.map(|start| start.as_array().to_vec());
-        let found = run_any(py, None, |_| {
+        let descended = run_any(py, None, |_| {
             let penalty = penalty(problem.columns(), positive);
-            let found = estimator.of.descend(problem, &penalty, &alphas, start.as_deref());
-            found.map_err(|error| Failure::of(Kind::Fit)(&error))
+            let descended = estimator.of.descend(problem, &penalty, &alphas, start.as_deref());
+            descended.map_err(|error| Failure::of(Kind::Fit)(&error))
         })?;
-        solutions(py, problem, &found)
+        solutions(py, problem, &descended)
     }
 
     /// The alpha of the knot of a target's lasso path with the least AIC, BIC or EBIC.
@@ -126,9 +126,9 @@ impl Problems {
         run_any(py, None, |_| {
             let penalty = penalty(problem.columns(), positive);
             let path = lars(problem, &penalty, &LarsOptions::default()).map_err(|e| Failure::of(Kind::Fit)(&e))?;
-            let found = information_criteria(problem, &penalty, &path, &CriteriaOptions::default());
-            let found = found.map_err(|error| Failure::of(Kind::Fit)(&error))?;
-            Ok(found.lambdas[found.best[which]])
+            let criteria = information_criteria(problem, &penalty, &path, &CriteriaOptions::default());
+            let criteria = criteria.map_err(|error| Failure::of(Kind::Fit)(&error))?;
+            Ok(criteria.lambdas[criteria.best[which]])
         })
     }
 
@@ -153,10 +153,10 @@ impl Problems {
         let path = run_any(py, None, |_| {
             lars(problem, &penalty, &LarsOptions::default()).map_err(|error| Failure::of(Kind::Fit)(&error))
         })?;
-        let Some(found) = path.knots.last() else {
+        let Some(knot) = path.knots.last() else {
             return Err(Kind::Internal.error("a path without knots"));
         };
-        Ok((PyArray1::from_vec(py, found.dense(p)), found.intercept))
+        Ok((PyArray1::from_vec(py, knot.dense(p)), knot.intercept))
     }
 }
 
@@ -173,19 +173,19 @@ pub(crate) fn penalty(features: usize, positive: bool) -> Penalty {
     Penalty { signs, ..Penalty::default() }
 }
 
-fn solutions<'py>(py: Python<'py>, problem: &Quadratic, found: &[Descended]) -> PyResult<Solutions<'py>> {
+fn solutions<'py>(py: Python<'py>, problem: &Quadratic, descended: &[Descended]) -> PyResult<Solutions<'py>> {
     let p = problem.columns();
-    let coefficients: Vec<f64> = found.iter().flat_map(|found| found.solution.dense(p)).collect();
-    let collect = |value: &dyn Fn(&Descended) -> f64| PyArray1::from_vec(py, found.iter().map(value).collect());
+    let coefficients: Vec<f64> = descended.iter().flat_map(|descended| descended.solution.dense(p)).collect();
+    let collect = |value: &dyn Fn(&Descended) -> f64| PyArray1::from_vec(py, descended.iter().map(value).collect());
     // The objective of zero coefficients, which the certificate's gap is relative to.
     let half = 0.5 * problem.target_deviation().powi(2);
     Ok((
-        PyArray1::from_vec(py, coefficients).reshape([found.len(), p])?,
-        collect(&|found| found.solution.intercept),
-        collect(&|found| half * found.solution.certificate.gap),
-        collect(&|found| 0.5 * found.solution.certificate.gap),
-        found.iter().map(|found| found.epochs).collect(),
-        PyArray1::from_vec(py, found.iter().map(|found| found.solution.converged).collect()),
+        PyArray1::from_vec(py, coefficients).reshape([descended.len(), p])?,
+        collect(&|descended| descended.solution.intercept),
+        collect(&|descended| half * descended.solution.certificate.gap),
+        collect(&|descended| 0.5 * descended.solution.certificate.gap),
+        descended.iter().map(|descended| descended.epochs).collect(),
+        PyArray1::from_vec(py, descended.iter().map(|descended| descended.solution.converged).collect()),
     ))
 }
 

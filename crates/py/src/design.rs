@@ -187,10 +187,10 @@ impl Design {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let groups = self.chosen(groups)?;
         let (coefficients, intercepts) = (coefficients.as_array().to_vec(), intercepts.as_array().to_vec());
-        let found = run_any(py, progress, |progress| {
+        let squares = run_any(py, progress, |progress| {
             Ok(self.of.mean_squares(groups.as_deref(), target, &coefficients, &intercepts, progress)?)
         })?;
-        Ok(PyArray1::from_vec(py, found))
+        Ok(PyArray1::from_vec(py, squares))
     }
 }
 

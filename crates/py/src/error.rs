@@ -74,8 +74,8 @@ impl Kind {
 }
 
 fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
-    let found = py.import("fleetfoot.exceptions")?.getattr(name)?;
-    found.cast_into::<PyType>().map_err(|_| PyImportError::new_err(name.to_owned()))
+    let class_object = py.import("fleetfoot.exceptions")?.getattr(name)?;
+    class_object.cast_into::<PyType>().map_err(|_| PyImportError::new_err(name.to_owned()))
 }
 
 /// The Python exception of a pipeline's error.

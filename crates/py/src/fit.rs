@@ -37,9 +37,9 @@ pub(crate) fn recipe_json(text: &str, name: &str) -> PyResult<String> {
 #[pyfunction]
 pub(crate) fn say(said: &str, recipe_text: &str) -> PyResult<String> {
     guard(|| {
-        let mut found = of_json(recipe_text)?;
-        found.say_all(&of_json(said)?);
-        serde_json::to_string(&found).map_err(|error| Kind::Internal.error(error))
+        let mut recipe = of_json(recipe_text)?;
+        recipe.say_all(&of_json(said)?);
+        serde_json::to_string(&recipe).map_err(|error| Kind::Internal.error(error))
     })
 }
 
@@ -109,10 +109,10 @@ fn of<'py, M: Method>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Fits<'py>> {
     let fitted = run(py, progress, |progress| fleetfoot::fit_all::<M>(recipe, request, &data.logs, progress))?;
-    let of = |found: Fitted<M::Report>| {
-        let report = object(py, &found.report.to_json())?;
-        let rivals = found.rivals.into_iter().map(|rival| Ok((rival.name, Model::new(rival.model)?)));
-        Ok((found.value, Model::new(found.model)?, report, rivals.collect::<PyResult<_>>()?))
+    let of = |fit: Fitted<M::Report>| {
+        let report = object(py, &fit.report.to_json())?;
+        let rivals = fit.rivals.into_iter().map(|rival| Ok((rival.name, Model::new(rival.model)?)));
+        Ok((fit.value, Model::new(fit.model)?, report, rivals.collect::<PyResult<_>>()?))
     };
     fitted.into_iter().map(of).collect()
 }

@@ -74,7 +74,7 @@ impl Model {
             b.extend(point.b);
             c.extend(point.c);
         }
-        let shape = |own: &[usize]| if single { own.to_vec() } else { [&[count], own].concat() };
+        let shape = |dimensions: &[usize]| if single { dimensions.to_vec() } else { [&[count], dimensions].concat() };
         Ok((array(py, a, &shape(&[n, n]))?, array(py, b, &shape(&[n, m]))?, array(py, c, &shape(&[n]))?))
     }
 
@@ -160,8 +160,8 @@ impl Model {
 
     /// Names of the states, the inputs and the fitted equations' left sides.
     fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
-        let own = |name: &str| name.to_owned();
-        (self.stepper.states().map(own).collect(), self.stepper.inputs().map(own).collect(), self.model.outputs())
+        let owned = |name: &str| name.to_owned();
+        (self.stepper.states().map(owned).collect(), self.stepper.inputs().map(owned).collect(), self.model.outputs())
     }
 
     /// Rows that the equations look back; true if they contain the time; true if a derivative is integrated; and the
@@ -264,11 +264,16 @@ impl Model {
                 let to = (from + TILE).min(rows.count);
                 self.stepper.evaluate(&rows.points(&self.stepper, from..to), &mut workspace);
                 for target in 0..targets {
-                    let found = self.stepper.fitted(target, to - from, &workspace);
-                    found.iter().enumerate().for_each(|(at, &value)| values[(from + at) * targets + target] = value);
+                    let fitted_values = self.stepper.fitted(target, to - from, &workspace);
+                    fitted_values
+                        .iter()
+                        .enumerate()
+                        .for_each(|(at, &value)| values[(from + at) * targets + target] = value);
                 }
-                let own = self.stepper.regions(&workspace);
-                let known = |at: usize| own.get(at).copied().unwrap_or(if own.is_empty() { 0 } else { u32::MAX });
+                let regions_of_rows = self.stepper.regions(&workspace);
+                let known = |at: usize| {
+                    regions_of_rows.get(at).copied().unwrap_or(if regions_of_rows.is_empty() { 0 } else { u32::MAX })
+                };
                 regions.extend((0..to - from).map(|at| region(known(at))));
             }
             Ok::<_, Failure>((values, regions))
@@ -290,7 +295,7 @@ impl Model {
             let asked = self.asked(&Given { x: Some(x), u, history, t })?;
             let mut workspace = StepperWorkspace::default();
             py.detach(|| self.stepper.evaluate(&asked.points, &mut workspace));
-            let mut regions: Vec<i64> = self.stepper.regions(&workspace).iter().map(|&found| region(found)).collect();
+            let mut regions: Vec<i64> = self.stepper.regions(&workspace).iter().map(|&index| region(index)).collect();
             regions.resize(asked.points.count(), 0);
             Ok((PyArray1::from_vec(py, regions), asked.single))
         })
@@ -314,13 +319,13 @@ impl Model {
             let mut asked = self.asked(&Given { x: Some(x), u, history, t })?;
             let tangent = self.tangent()?;
             let mut workspace = StepperWorkspace::default();
-            let found = py.detach(|| match seconds {
+            let linearizations = py.detach(|| match seconds {
                 None => tangent.linearize(&self.stepper, &asked.points, &mut workspace),
                 Some(seconds) => {
                     tangent.linearize_step(&self.stepper, &mut asked.points, seconds, method, &mut workspace)
                 }
             });
-            self.linearized(py, found, asked.single)
+            self.linearized(py, linearizations, asked.single)
         })
     }
 
@@ -423,6 +428,6 @@ pub(crate) fn export_controller(
 }
 
 /// A region's number; -1 for none.
-pub(crate) fn region(found: u32) -> i64 {
-    if found == u32::MAX { -1 } else { i64::from(found) }
+pub(crate) fn region(index: u32) -> i64 {
+    if index == u32::MAX { -1 } else { i64::from(index) }
 }

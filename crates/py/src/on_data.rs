@@ -121,22 +121,22 @@ impl Collected {
         if self.episodes.last() != Some(&rows.episode.name) {
             self.episodes.push(rows.episode.name.clone());
         }
-        let (found, count) = (rows.predicted, rows.predicted.rows);
+        let (predicted, count) = (rows.predicted, rows.predicted.rows);
         self.episode.resize(self.episode.len() + count, self.episodes.len() as i64 - 1);
         self.stamps.extend(rows.stamps.iter().map(|stamp| stamp + rows.log_offset));
         for (values, to) in [
-            (&found.measured, &mut self.measured),
-            (&found.predicted, &mut self.predicted),
-            (&found.residual, &mut self.residual),
+            (&predicted.measured, &mut self.measured),
+            (&predicted.predicted, &mut self.predicted),
+            (&predicted.residual, &mut self.residual),
         ] {
             for row in 0..count {
                 to.extend((0..equations).map(|equation| Predicted::equation(values, count, equation)[row]));
             }
         }
-        self.region.extend(found.region.iter().map(|&found| region(found)));
-        self.distance.extend_from_slice(&found.distance);
-        self.complete.extend(found.status.iter().map(|&status| status == RowStatus::Complete));
-        self.domain.extend(found.domain.iter().map(|domain| match domain {
+        self.region.extend(predicted.region.iter().map(|&index| region(index)));
+        self.distance.extend_from_slice(&predicted.distance);
+        self.complete.extend(predicted.status.iter().map(|&status| status == RowStatus::Complete));
+        self.domain.extend(predicted.domain.iter().map(|domain| match domain {
             Domain::Inside => 0,
             Domain::OutsideRegion => 1,
             Domain::OutsideTraining => 2,
@@ -158,27 +158,27 @@ pub(crate) fn predict_rows<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let changes = with_cache(of_json(recipe_text)?, cache);
     let equations = model.model.outputs();
-    let found = run(py, progress, |progress| {
-        let mut found = Collected::default();
+    let predicted = run(py, progress, |progress| {
+        let mut predicted = Collected::default();
         fleetfoot::predict_rows(&model.model, &changes, &data.logs, progress, |_, rows| {
-            Ok(found.take(rows, equations.len())?)
+            Ok(predicted.take(rows, equations.len())?)
         })?;
-        Ok(found)
+        Ok(predicted)
     })?;
-    let rows = found.stamps.len();
+    let rows = predicted.stamps.len();
     let shape = [rows, equations.len()];
     let dict = PyDict::new(py);
     dict.set_item("targets", equations)?;
-    dict.set_item("episodes", found.episodes)?;
-    dict.set_item("episode", PyArray1::from_vec(py, found.episode))?;
-    dict.set_item("stamp", PyArray1::from_vec(py, found.stamps))?;
-    dict.set_item("measured", array(py, found.measured, &shape)?)?;
-    dict.set_item("predicted", array(py, found.predicted, &shape)?)?;
-    dict.set_item("residual", array(py, found.residual, &shape)?)?;
-    dict.set_item("region", PyArray1::from_vec(py, found.region))?;
-    dict.set_item("distance", PyArray1::from_vec(py, found.distance))?;
-    dict.set_item("complete", PyArray1::from_vec(py, found.complete))?;
-    dict.set_item("domain", PyArray1::from_vec(py, found.domain))?;
+    dict.set_item("episodes", predicted.episodes)?;
+    dict.set_item("episode", PyArray1::from_vec(py, predicted.episode))?;
+    dict.set_item("stamp", PyArray1::from_vec(py, predicted.stamps))?;
+    dict.set_item("measured", array(py, predicted.measured, &shape)?)?;
+    dict.set_item("predicted", array(py, predicted.predicted, &shape)?)?;
+    dict.set_item("residual", array(py, predicted.residual, &shape)?)?;
+    dict.set_item("region", PyArray1::from_vec(py, predicted.region))?;
+    dict.set_item("distance", PyArray1::from_vec(py, predicted.distance))?;
+    dict.set_item("complete", PyArray1::from_vec(py, predicted.complete))?;
+    dict.set_item("domain", PyArray1::from_vec(py, predicted.domain))?;
     Ok(dict)
 }
 
@@ -242,8 +242,8 @@ pub(crate) fn rollout<'py>(
         fleetfoot::rollout(&model.model, &changes, &data.logs, &starts, &options, controller.as_ref(), None, progress)
     })?;
     let report = object(py, &rolled.to_json())?;
-    let found = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
-    Ok((report, found.collect::<PyResult<_>>()?))
+    let trajectories = rolled.rollouts.trajectories.iter().map(|trajectory| to_dict(py, trajectory));
+    Ok((report, trajectories.collect::<PyResult<_>>()?))
 }
 
 /// Recordings filtered by a model, by the recipe's `[filter]`: the report (JSON), and with `keep` the estimates of each
@@ -288,23 +288,23 @@ pub(crate) fn filter<'py>(
     Ok((report, kept.iter().map(|rows| filtered_to_dict(py, rows)).collect::<PyResult<_>>()?))
 }
 
-fn filtered_to_dict<'py>(py: Python<'py>, found: &FilteredRows) -> PyResult<Bound<'py, PyDict>> {
-    let rows = found.rows();
+fn filtered_to_dict<'py>(py: Python<'py>, filtered: &FilteredRows) -> PyResult<Bound<'py, PyDict>> {
+    let rows = filtered.rows();
     let matrix = |values: &[f64]| array(py, values.to_vec(), &[rows, values.len().checked_div(rows).unwrap_or(0)]);
     let dict = PyDict::new(py);
-    dict.set_item("episode", found.episode())?;
-    let stamps = found.stamps();
+    dict.set_item("episode", filtered.episode())?;
+    let stamps = filtered.stamps();
     dict.set_item("t", PyArray1::from_iter(py, stamps.iter().map(|stamp| (stamp - stamps[0]) as f64 * 1e-9)))?;
-    dict.set_item("x", matrix(found.means())?)?;
-    dict.set_item("deviation", matrix(found.deviations())?)?;
-    dict.set_item("probability", matrix(found.probabilities())?)?;
+    dict.set_item("x", matrix(filtered.means())?)?;
+    dict.set_item("deviation", matrix(filtered.deviations())?)?;
+    dict.set_item("probability", matrix(filtered.probabilities())?)?;
     dict.set_item(
         "region",
-        PyArray1::from_iter(py, (0..rows).map(|row| found.region(row).map_or(-1, |region| region as i64))),
+        PyArray1::from_iter(py, (0..rows).map(|row| filtered.region(row).map_or(-1, |region| region as i64))),
     )?;
-    dict.set_item("innovation", matrix(found.innovations())?)?;
-    dict.set_item("innovation_deviation", matrix(found.innovation_deviations())?)?;
-    dict.set_item("log_likelihood", PyArray1::from_slice(py, found.log_likelihood()))?;
+    dict.set_item("innovation", matrix(filtered.innovations())?)?;
+    dict.set_item("innovation_deviation", matrix(filtered.innovation_deviations())?)?;
+    dict.set_item("log_likelihood", PyArray1::from_slice(py, filtered.log_likelihood()))?;
     Ok(dict)
 }
 
@@ -329,21 +329,21 @@ pub(crate) fn resimulate<'py>(
 }
 
 fn followed_to_dict<'py>(py: Python<'py>, followed: &Followed, at: usize) -> PyResult<Bound<'py, PyDict>> {
-    let (own, found) = (&followed.found.episodes[at], &followed.found);
-    let (rows, width, states) = (own.rows.len(), found.columns.len(), found.states);
+    let (episode, resimulation) = (&followed.found.episodes[at], &followed.found);
+    let (rows, width, states) = (episode.rows.len(), resimulation.columns.len(), resimulation.states);
     let part = |values: &[f64], from: usize, to: usize| {
         array(py, values.chunks_exact(width).flat_map(|row| row[from..to].to_vec()).collect(), &[rows, to - from])
     };
     let dict = PyDict::new(py);
-    dict.set_item("episode", own.episode)?;
-    dict.set_item("row", PyArray1::from_iter(py, own.rows.iter().map(|&row| row as i64)))?;
-    let since = own.stamps.iter().map(|stamp| (stamp - own.stamps[0]) as f64 * 1e-9);
+    dict.set_item("episode", episode.episode)?;
+    dict.set_item("row", PyArray1::from_iter(py, episode.rows.iter().map(|&row| row as i64)))?;
+    let since = episode.stamps.iter().map(|stamp| (stamp - episode.stamps[0]) as f64 * 1e-9);
     dict.set_item("t", PyArray1::from_iter(py, since))?;
-    dict.set_item("x", part(&own.followed, 0, states)?)?;
-    dict.set_item("u", part(&own.followed, states, width)?)?;
-    dict.set_item("x_measured", part(&own.recorded, 0, states)?)?;
-    dict.set_item("u_measured", part(&own.recorded, states, width)?)?;
-    dict.set_item("x_open_loop", array(py, own.open_loop.clone(), &[rows, states])?)?;
+    dict.set_item("x", part(&episode.followed, 0, states)?)?;
+    dict.set_item("u", part(&episode.followed, states, width)?)?;
+    dict.set_item("x_measured", part(&episode.recorded, 0, states)?)?;
+    dict.set_item("u_measured", part(&episode.recorded, states, width)?)?;
+    dict.set_item("x_open_loop", array(py, episode.open_loop.clone(), &[rows, states])?)?;
     Ok(dict)
 }
 
@@ -368,7 +368,7 @@ fn to_dict<'py>(py: Python<'py>, trajectory: &Trajectory) -> PyResult<Bound<'py,
     let steps = trajectory.steps();
     let driven = trajectory.inputs.len().checked_div(steps).unwrap_or(0);
     dict.set_item("u", inputs.reshape([if driven == 0 { 0 } else { steps }, driven])?)?;
-    dict.set_item("region", PyArray1::from_iter(py, trajectory.regions.iter().map(|&found| region(found))))?;
+    dict.set_item("region", PyArray1::from_iter(py, trajectory.regions.iter().map(|&index| region(index))))?;
     let end = match trajectory.end {
         End::Horizon => "horizon",
         End::Diverged => "diverged",

@@ -132,7 +132,7 @@ pub(crate) fn points(stepper: &Stepper, given: &Given<'_, '_>) -> PyResult<Asked
     };
     let block = |given: Option<Floats>, own: Option<usize>, width| Block {
         values: given.map_or_else(Vec::new, |given| given.values),
-        by_point: own.is_some(),
+        by_point: expected_rows.is_some(),
         rows: 1,
         width,
     };
@@ -234,9 +234,9 @@ impl Rows {
     /// Some rows as points; rows before the first are NaN.
     pub(crate) fn points(&self, stepper: &Stepper, rows: std::ops::Range<usize>) -> Points {
         let mut points = stepper.points(rows.len());
-        let own = [(&self.x, self.states), (&self.u, self.inputs)];
+        let parts = [(&self.x, self.states), (&self.u, self.inputs)];
         for lag in 0..=stepper.history() {
-            for (kind, (values, width)) in own.iter().enumerate() {
+            for (kind, (values, width)) in parts.iter().enumerate() {
                 for i in 0..*width {
                     let column = if kind == 0 { stepper.state_column(i) } else { stepper.input_column(i) };
                     for (value, row) in points.column_mut(column, lag).iter_mut().zip(rows.clone()) {

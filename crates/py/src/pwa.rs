@@ -192,8 +192,8 @@ impl PwaFit {
         let (features, targets) = (parts[0].columns(), parts[1].columns());
         parts.extend(weights.map(|weights| Array::of(weights, "sample_weight")).transpose()?);
         let rows = parts[0].rows();
-        let told: usize = request.groups.iter().sum();
-        if parts.iter().any(|part| part.rows() != rows) || told != rows {
+        let group_total: usize = request.groups.iter().sum();
+        if parts.iter().any(|part| part.rows() != rows) || group_total != rows {
             return Err(Kind::Data.error(format!("X has {rows} rows: y, sample_weight and groups have as many")));
         }
         if let Some(feature) = request.features.iter().find(|&&feature| feature >= features) {
@@ -242,7 +242,7 @@ impl PwaFit {
         let rule = self.found.model.partitions.first().map(|partition| &partition.rule);
         let cells = match rule {
             Some(Rule::Joined { cells, .. }) => Some(cells.as_ref()),
-            own => own,
+            other_rule => other_rule,
         };
         match cells {
             Some(Rule::Linear { weights, offsets }) => (weights.clone(), offsets.clone()),
@@ -264,8 +264,8 @@ impl PwaFit {
     fn cuts(&self) -> Vec<TreeCut> {
         match self.found.model.partitions.first().map(|partition| &partition.rule) {
             Some(Rule::Tree(tree)) => {
-                let told = |cut: &Cut| (cut.column, cut.threshold, cut.below.code(), cut.above.code());
-                tree.cuts.iter().map(told).collect()
+                let cut_tuple = |cut: &Cut| (cut.column, cut.threshold, cut.below.code(), cut.above.code());
+                tree.cuts.iter().map(cut_tuple).collect()
             }
             _ => Vec::new(),
         }
@@ -296,18 +296,18 @@ impl PwaFit {
     /// All partitions that were tried.
     #[getter]
     fn candidates(&self) -> Vec<Candidate> {
-        let told = |score: &fleetfoot::pwa::Score| {
+        let score_tuple = |score: &fleetfoot::pwa::Score| {
             let (name, losses) = (score.specification.to_string(), score.losses.clone());
             (name, score.regions, score.loss, score.standard_error, losses, score.r2.clone(), score.bic)
         };
-        self.found.candidates.iter().map(told).collect()
+        self.found.candidates.iter().map(score_tuple).collect()
     }
 
     /// For each partition the held-out loss of maps that need not meet; NaN unless requested.
     #[getter]
     fn apart(&self) -> Vec<f64> {
-        let told = |score: &fleetfoot::pwa::Score| score.continuity.map_or(f64::NAN, |continuity| continuity.apart);
-        self.found.candidates.iter().map(told).collect()
+        let apart_of = |score: &fleetfoot::pwa::Score| score.continuity.map_or(f64::NAN, |continuity| continuity.apart);
+        self.found.candidates.iter().map(apart_of).collect()
     }
 
     /// The number of the chosen one.
@@ -355,8 +355,8 @@ fn tree(cuts: &[TreeCut], columns: usize) -> PyResult<Tree> {
     let cut = |&(column, threshold, below, above): &TreeCut| {
         Some(Cut { column, threshold, below: Branch::of_code(below)?, above: Branch::of_code(above)? })
     };
-    let found = cuts.iter().map(cut).collect::<Option<Vec<Cut>>>().map(|cuts| Tree { cuts });
-    found
+    let parsed_tree = cuts.iter().map(cut).collect::<Option<Vec<Cut>>>().map(|cuts| Tree { cuts });
+    parsed_tree
         .filter(|tree| tree.check(columns).is_ok())
         .ok_or_else(|| Kind::Request.error("the partition's cuts are no tree"))
 }
@@ -380,7 +380,7 @@ pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult
         None if joined.is_empty() => Rule::Linear { weights, offsets },
         None => Rule::Joined { cells: Rule::Linear { weights, offsets }.into(), regions: joined },
     };
-    let found = run_any(x.py(), None, |progress| {
+    let regions_of_rows = run_any(x.py(), None, |progress| {
         const BLOCK: usize = 16_384;
         let blocks = fleetfoot::data::parallel_map(array.rows().div_ceil(BLOCK), progress, |block| {
             let rows = block * BLOCK..((block + 1) * BLOCK).min(array.rows());
@@ -396,5 +396,5 @@ pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult
         })?;
         Ok(blocks.concat())
     })?;
-    Ok(PyArray1::from_vec(x.py(), found))
+    Ok(PyArray1::from_vec(x.py(), regions_of_rows))
 }

@@ -46,8 +46,8 @@ pub(crate) fn read_messages(
 /// Topics of a robot's log with their numbers of messages.
 #[pyfunction]
 pub(crate) fn topics(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Option<u64>)>> {
-    let found = run(py, None, |_| Ok(Messages::open(&path)?.topics()?))?;
-    Ok(found.into_iter().map(|topic: TopicInfo| (topic.name, topic.messages)).collect())
+    let topics_read = run(py, None, |_| Ok(Messages::open(&path)?.topics()?))?;
+    Ok(topics_read.into_iter().map(|topic: TopicInfo| (topic.name, topic.messages)).collect())
 }
 
 /// Rows as a table: the episode, the stamp, seconds since the episode's begin, and columns of the recipe, fields, or expressions over both.
@@ -144,7 +144,7 @@ pub(crate) fn info(
     values: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'_, PyAny>> {
-    let found =
+    let infos =
         run(py, progress, |progress| Ok(if values { inspect_values(&path, progress)? } else { inspect(&path)? }))?;
-    object(py, &found)
+    object(py, &infos)
 }

@@ -201,17 +201,17 @@ pub(crate) fn simulate<'py>(
         )?;
         let mut out = vec![f64::NAN; count * length * states];
         let inputs = InputSequence { values: &inputs.0, by_point: inputs.1, course };
-        let shortfall = stepper.simulate(&mut asked.points, grid, inputs, &integration, |step, found| {
-            for (s, column) in found.chunks_exact(count.max(1)).enumerate() {
+        let shortfall = stepper.simulate(&mut asked.points, grid, inputs, &integration, |step, state_values| {
+            for (s, column) in state_values.chunks_exact(count.max(1)).enumerate() {
                 column.iter().enumerate().for_each(|(b, &x)| out[(b * length + step) * states + s] = x);
             }
             !progress.cancelled()
         });
         Ok::<_, Failure>((out, shortfall))
     })?;
-    let found = match asked.single {
+    let state_values = match asked.single {
         true => array(py, out, &[length, states])?,
         false => array(py, out, &[count, length, states])?,
     };
-    Ok((found, shortfall))
+    Ok((state_values, shortfall))
 }

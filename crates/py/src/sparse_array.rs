@@ -39,10 +39,10 @@ impl SparseRows {
         if starts.first() != Some(&0) || !starts.is_sorted() || starts.last().is_some_and(|&end| end > held) {
             return Err(broken("its rows do not follow each other within the values"));
         }
-        let found = Self { columns, starts, places, values };
-        match found.beyond() {
+        let sparse_rows = Self { columns, starts, places, values };
+        match sparse_rows.beyond() {
             Some(column) => Err(broken(&format!("column {column} of {columns}"))),
-            None => Ok(Some(found)),
+            None => Ok(Some(sparse_rows)),
         }
     }
 
@@ -75,7 +75,7 @@ impl SparseRows {
         let held = self.starts[rows.start]..self.starts[rows.end];
         let places = self.places.integers(0, held.clone()).unwrap_or_default();
         let values = self.values.values(&[0], held.clone()).into_iter().next().unwrap_or_default();
-        let mut found = Nonzeros { starts: vec![0], ..Nonzeros::default() };
+        let mut nonzero_list = Nonzeros { starts: vec![0], ..Nonzeros::default() };
         let mut row: Vec<(u32, f64)> = Vec::new();
         for ends in self.starts[rows.start..=rows.end].windows(2) {
             row.clear();
@@ -85,12 +85,12 @@ impl SparseRows {
                 row.sort_by_key(|(column, _)| *column);
             }
             for part in row.chunk_by(|a, b| a.0 == b.0) {
-                found.columns.push(part[0].0);
-                found.values.push(part.iter().map(|(_, value)| value).sum());
+                nonzero_list.columns.push(part[0].0);
+                nonzero_list.values.push(part.iter().map(|(_, value)| value).sum());
             }
-            found.starts.push(found.columns.len());
+            nonzero_list.starts.push(nonzero_list.columns.len());
         }
-        found
+        nonzero_list
     }
 
     /// Appends some neighbouring rows to `out`, column after column.

@@ -287,16 +287,16 @@ impl Statistic {
             let mut names: Vec<String> =
                 self.file.plan.regression.columns(task).iter().map(ToString::to_string).collect();
             let target = names.pop();
-            let found = PyDict::new(py);
-            found.set_item("names", names)?;
-            found.set_item("target", target)?;
-            found.set_item("r", PyArray2::from_vec2(py, &r).or_raise(Kind::Internal)?)?;
-            found.set_item("z", PyArray1::from_vec(py, z))?;
-            found.set_item("mean_x", PyArray1::from_slice(py, &root.mean_x))?;
-            found.set_item("mean_y", root.mean_y[0])?;
-            found.set_item("weight", root.weight)?;
-            found.set_item("residual", root.residual[0])?;
-            Ok(found)
+            let root_dict = PyDict::new(py);
+            root_dict.set_item("names", names)?;
+            root_dict.set_item("target", target)?;
+            root_dict.set_item("r", PyArray2::from_vec2(py, &r).or_raise(Kind::Internal)?)?;
+            root_dict.set_item("z", PyArray1::from_vec(py, z))?;
+            root_dict.set_item("mean_x", PyArray1::from_slice(py, &root.mean_x))?;
+            root_dict.set_item("mean_y", root.mean_y[0])?;
+            root_dict.set_item("weight", root.weight)?;
+            root_dict.set_item("residual", root.residual[0])?;
+            Ok(root_dict)
         })
     }
 
@@ -331,16 +331,16 @@ impl Statistic {
 }
 
 fn as_dict<'py>(py: Python<'py>, solved: &Solved) -> PyResult<Bound<'py, PyDict>> {
-    let found = PyDict::new(py);
+    let dict = PyDict::new(py);
     let array = |values: &[f64]| PyArray1::from_slice(py, values);
-    found.set_item("names", &solved.names)?;
-    found.set_item("coefficients", array(&solved.coefficients))?;
-    found.set_item("standard_errors", solved.standard_errors.as_deref().map(array))?;
-    found.set_item("certificate", (solved.certificate.kkt, solved.certificate.gap, solved.certificate.objective))?;
-    found.set_item("rows", solved.rows)?;
-    found.set_item("tasks", &solved.tasks)?;
-    found.set_item("confounded", &solved.confounded)?;
-    found.set_item("notes", &solved.notes)?;
-    found.set_item("model", solved.model.to_json())?;
-    Ok(found)
+    dict.set_item("names", &solved.names)?;
+    dict.set_item("coefficients", array(&solved.coefficients))?;
+    dict.set_item("standard_errors", solved.standard_errors.as_deref().map(array))?;
+    dict.set_item("certificate", (solved.certificate.kkt, solved.certificate.gap, solved.certificate.objective))?;
+    dict.set_item("rows", solved.rows)?;
+    dict.set_item("tasks", &solved.tasks)?;
+    dict.set_item("confounded", &solved.confounded)?;
+    dict.set_item("notes", &solved.notes)?;
+    dict.set_item("model", solved.model.to_json())?;
+    Ok(dict)
 }

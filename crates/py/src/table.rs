@@ -195,13 +195,13 @@ impl Table {
     /// anew). For a list of names, for rows, and for ``rows, names``: a table. Rows are a number, numbers, a mask or a
     /// slice; neighbouring rows are not copied.
     fn __getitem__<'py>(slf: &Bound<'py, Self>, key: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let own = slf.get();
-        match Asked::of(key, own.batch.num_rows())? {
+        let table = slf.get();
+        match Asked::of(key, table.batch.num_rows())? {
             Asked::Column(name) => {
-                let column = own.batch.column(own.place(&name)?);
+                let column = table.batch.column(table.place(&name)?);
                 guard(|| numpy_of(slf, column))
             }
-            asked => Ok(Bound::new(slf.py(), own.part(&asked)?)?.into_any()),
+            asked => Ok(Bound::new(slf.py(), table.part(&asked)?)?.into_any()),
         }
     }
 

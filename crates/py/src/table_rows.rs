@@ -54,10 +54,10 @@ impl Asked {
             return Ok(Self::Columns(names));
         }
         if let Ok(slice) = key.cast::<PySlice>() {
-            let found = slice.indices(rows as isize)?;
-            if found.step == 1 {
-                let start = found.start.max(0) as usize;
-                return Ok(Self::Span(start..start + found.slicelength));
+            let slice_range = slice.indices(rows as isize)?;
+            if slice_range.step == 1 {
+                let start = slice_range.start.max(0) as usize;
+                return Ok(Self::Span(start..start + slice_range.slicelength));
             }
         }
         Self::by_place(key, rows)
