@@ -339,7 +339,7 @@ impl List<'_> {
         }
         let said = &recipe.model;
         if said.predict.is_some() || said.degree.is_some() || said.lags.is_some() || said.partition.is_some() {
-            trials.push(self.trial("as the recipe says", Kind::Pwa, |own| own.model = said.clone()));
+            trials.push(self.trial("as the recipe says", Kind::Pwa, |trial_recipe| trial_recipe.model = said.clone()));
         }
         if recipe.pwa != PwaSection::default() && trials.is_empty() {
             trials.push(self.trial("as the recipe says", Kind::Pwa, |_| {}));
@@ -351,7 +351,11 @@ impl List<'_> {
 /// Sets the mean slope over so many rows as the derivative of every state without a derivative in the recipe.
 fn mean_slopes(recipe: &mut Recipe, over: Option<u32>) {
     let Some(rows) = over else { return };
-    for state in recipe.states.values_mut().filter(|own| own.derivative.is_none() && own.known.is_none()) {
+    for state in recipe
+        .states
+        .values_mut()
+        .filter(|listed_state| listed_state.derivative.is_none() && listed_state.known.is_none())
+    {
         state.derivative = Some(Derivative::over(rows));
     }
 }

@@ -132,16 +132,16 @@ pub(crate) fn drafted(
 
 /// Merges a recipe over a draft.
 fn merged(recipe: &Recipe, draft: Recipe) -> Recipe {
-    let mut found = recipe.clone();
-    found.states = draft.states;
+    let mut merged_recipe = recipe.clone();
+    merged_recipe.states = draft.states;
     for (name, column) in draft.columns {
-        found.columns.entry(name).or_insert(column);
+        merged_recipe.columns.entry(name).or_insert(column);
     }
     for (name, input) in draft.inputs {
-        found.inputs.entry(name).or_insert(input);
+        merged_recipe.inputs.entry(name).or_insert(input);
     }
-    found.states.retain(|name, _| !found.inputs.contains_key(name));
-    found
+    merged_recipe.states.retain(|name, _| !merged_recipe.inputs.contains_key(name));
+    merged_recipe
 }
 
 fn of_table(
@@ -158,7 +158,7 @@ fn of_table(
     let mut columns: Vec<Vec<Vec<f64>>> = vec![Vec::new(); view.columns().len()];
     for (at, episode) in view.episodes().iter().enumerate().take(EPISODES) {
         let block = view.read(at, 0..episode.rows.min(ROWS), Halo::default())?;
-        columns.iter_mut().enumerate().for_each(|(place, own)| own.push(block.core(place).to_vec()));
+        columns.iter_mut().enumerate().for_each(|(place, target)| target.push(block.core(place).to_vec()));
     }
     let mut draft = recipe.clone();
     let mut left_out: Vec<String> = Vec::new();

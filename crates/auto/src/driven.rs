@@ -29,15 +29,16 @@ pub(crate) fn drivers(columns: &[&[Vec<f64>]]) -> Vec<usize> {
     }
     let of = |column: usize| &past[column * LAGS..(column + 1) * LAGS];
     let left = |target: usize, pasts: &[&[Vec<f64>]]| {
-        let regressors: Vec<&[f64]> = pasts.iter().flat_map(|own| own.iter().map(Vec::as_slice)).collect();
+        let regressors: Vec<&[f64]> =
+            pasts.iter().flat_map(|rows_of_lag| rows_of_lag.iter().map(Vec::as_slice)).collect();
         rest(&next[target], &regressors) / (rows - regressors.len() - 1) as f64
     };
-    let found: Vec<usize> = (0..count)
+    let driving: Vec<usize> = (0..count)
         .filter(|&column| {
-            let own = left(column, &[of(column)]);
+            let alone = left(column, &[of(column)]);
             let variance = next[column].iter().map(|value| value * value).sum::<f64>() / rows as f64;
-            let driven = 1.0 - left(column, &[&past]) / own;
-            if !(own > OPEN * variance && driven <= DRIVEN) {
+            let driven = 1.0 - left(column, &[&past]) / alone;
+            if !(alone > OPEN * variance && driven <= DRIVEN) {
                 return false;
             }
             let drives = |other: usize| 1.0 - left(other, &[of(other), of(column)]) / left(other, &[of(other)]);
@@ -45,22 +46,24 @@ pub(crate) fn drivers(columns: &[&[Vec<f64>]]) -> Vec<usize> {
             most >= DRIVES && most >= TIMES * driven
         })
         .collect();
-    if found.len() == count { Vec::new() } else { found }
+    if driving.len() == count { Vec::new() } else { driving }
 }
 
 /// The last rows of every column (value, slope, curvature) and its next row, about their means, of rows in which all are known.
 fn regression(columns: &[&[Vec<f64>]]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (mut past, mut next) = (vec![Vec::new(); LAGS * columns.len()], vec![Vec::new(); columns.len()]);
-    let episodes = columns.iter().map(|own| own.len()).min().unwrap_or(0);
+    let episodes = columns.iter().map(|episode_rows| episode_rows.len()).min().unwrap_or(0);
     for episode in 0..episodes {
-        let rows = columns.iter().map(|own| own[episode].len()).min().unwrap_or(0);
+        let rows = columns.iter().map(|episode_rows| episode_rows[episode].len()).min().unwrap_or(0);
         for row in LAGS..rows {
-            let known = |own: &&[Vec<f64>]| own[episode][row - LAGS..=row].iter().all(|value| value.is_finite());
+            let known = |episode_rows: &&[Vec<f64>]| {
+                episode_rows[episode][row - LAGS..=row].iter().all(|value| value.is_finite())
+            };
             if !columns.iter().all(known) {
                 continue;
             }
-            for (column, own) in columns.iter().enumerate() {
-                let at = |back: usize| own[episode][row - back];
+            for (column, episode_rows) in columns.iter().enumerate() {
+                let at = |back: usize| episode_rows[episode][row - back];
                 next[column].push(at(0));
                 past[LAGS * column].push(at(1));
                 // Neighbouring rows are nearly the same: their differences are not.
@@ -81,21 +84,21 @@ fn rest(target: &[f64], regressors: &[&[f64]]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let without = |values: &mut [f64], basis: &[f64]| {
         let share = product(values, basis);
-        values.iter_mut().zip(basis).for_each(|(value, own)| *value -= share * own);
+        values.iter_mut().zip(basis).for_each(|(value, basis_value)| *value -= share * basis_value);
     };
     let mut bases: Vec<Vec<f64>> = Vec::with_capacity(regressors.len());
     let mut target = target.to_vec();
     for column in regressors {
-        let mut own = column.to_vec();
-        let before = product(&own, &own);
-        bases.iter().for_each(|basis| without(&mut own, basis));
-        let after = product(&own, &own);
+        let mut direction = column.to_vec();
+        let before = product(&direction, &direction);
+        bases.iter().for_each(|basis| without(&mut direction, basis));
+        let after = product(&direction, &direction);
         if after.is_nan() || after <= 1e-12 * before {
             continue;
         }
-        own.iter_mut().for_each(|value| *value /= after.sqrt());
-        without(&mut target, &own);
-        bases.push(own);
+        direction.iter_mut().for_each(|value| *value /= after.sqrt());
+        without(&mut target, &direction);
+        bases.push(direction);
     }
     product(&target, &target)
 }
@@ -106,12 +109,12 @@ mod tests {
 
     /// A mass on a spring under a force that moves by itself, or that a controller computes from the speed.
     fn spring(feedback: f64) -> [Vec<Vec<f64>>; 3] {
-        let (mut x, mut v, mut own, mut seed) = (0.3f64, 0.0f64, 0.0f64, 5u64);
+        let (mut x, mut v, mut drive, mut seed) = (0.3f64, 0.0f64, 0.0f64, 5u64);
         let mut columns = [vec![Vec::new()], vec![Vec::new()], vec![Vec::new()]];
         for _ in 0..3000 {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            own = 0.95 * own + (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
-            let force = own - feedback * v;
+            drive = 0.95 * drive + (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+            let force = drive - feedback * v;
             columns.iter_mut().zip([x, v, force]).for_each(|(column, value)| column[0].push(value));
             v += 0.02 * (2.0 * force - 0.5 * v - 3.0 * x);
             x += 0.02 * v;

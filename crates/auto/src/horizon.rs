@@ -40,8 +40,8 @@ impl HorizonChoice {
 
     /// Simulations of the folds, for a model that sees one of so many rows.
     pub(crate) fn simulations(&self, every: usize) -> Simulations {
-        let own = self.at_every(every);
-        Simulations { rule: RolloutRule::new(own.steps), before: own.before, limit: None }
+        let shorter = self.at_every(every);
+        Simulations { rule: RolloutRule::new(shorter.steps), before: shorter.before, limit: None }
     }
 
     /// The horizon of rows, whose states are these columns; no longer than held-out spans of `room` rows allow. `None`: they are too short for any.
@@ -83,13 +83,13 @@ fn correlation(rows: &dyn Source, states: &[(usize, bool)]) -> Result<usize, Err
         }
     }
     let first = |correlations: &Autocorrelation| {
-        let found = correlations.coefficients();
-        let below = found.iter().position(|value| *value < (-1.0f64).exp());
+        let by_lag = correlations.coefficients();
+        let below = by_lag.iter().position(|value| *value < (-1.0f64).exp());
         below.map_or(MOST, |at| lags[at])
     };
-    let mut found: Vec<usize> = seen.iter().map(first).collect();
-    found.sort_unstable();
-    Ok(found.get(found.len() / 2).copied().unwrap_or(LEAST))
+    let mut horizons: Vec<usize> = seen.iter().map(first).collect();
+    horizons.sort_unstable();
+    Ok(horizons.get(horizons.len() / 2).copied().unwrap_or(LEAST))
 }
 
 /// Lags up to the longest horizon, each about a tenth longer than the one before.

@@ -125,7 +125,7 @@ struct Summary<'a> {
 
 /// Result for programs.
 #[derive(Serialize)]
-struct Told<'a> {
+struct AutoReport<'a> {
     #[serde(flatten)]
     summary: Summary<'a>,
     findings: &'a [fleetfoot_check::Finding],
@@ -153,15 +153,15 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     let checked = check(&recipe, logs, progress)?;
     stamps::evened(&mut recipe, &checked, logs, &mut notes, progress)?;
     // Messages are decoded once: every candidate opens the logs.
-    let own = recipe.cache.clone();
+    let kept_cache = recipe.cache.clone();
     let decoded =
         tempfile::tempdir().map_err(|source| fleetfoot_dataset::Error::Write { path: std::env::temp_dir(), source })?;
-    if own.as_ref().is_none_or(|cache| cache.least_bytes > 0) {
+    if kept_cache.as_ref().is_none_or(|cache| cache.least_bytes > 0) {
         recipe.cache = Some(Cache { folder: decoded.path().to_owned(), least_bytes: 0 });
     }
     let outcome = Search { recipe: &recipe, logs, notes, checked };
     let mut outcome = outcome.run(progress)?;
-    outcome.recipe.cache = own;
+    outcome.recipe.cache = kept_cache;
     let bytes = bytes_within(decoded.path());
     if bytes > 0 {
         outcome.notes.push(format!(
@@ -351,7 +351,7 @@ const EXACT: f64 = 1e-6;
 
 /// Errors of a state in every fold.
 fn of_folds(folds: &[SimulatedFold], state: &str) -> Vec<f64> {
-    let of = |fold: &SimulatedFold| Some(fold.model[fold.states.iter().position(|own| own == state)?]);
+    let of = |fold: &SimulatedFold| Some(fold.model[fold.states.iter().position(|name| name == state)?]);
     folds.iter().filter_map(of).collect()
 }
 
@@ -404,6 +404,6 @@ impl Auto {
     /// All of it, as `auto --json` prints it.
     pub fn to_json(&self) -> Value {
         let findings = self.checked.as_ref().map_or(&[][..], |checked| &checked.findings);
-        fleetfoot_dataset::json::value(Told { summary: self.summary(), findings, notes: &self.notes })
+        fleetfoot_dataset::json::value(AutoReport { summary: self.summary(), findings, notes: &self.notes })
     }
 }

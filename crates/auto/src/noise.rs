@@ -17,9 +17,9 @@ const THIRD: f64 = 20.0;
 pub(crate) fn share(rows: &dyn Source, column: usize) -> Result<f64, Error> {
     let (mut first, mut third, mut count, mut left) = (0.0, 0.0, 0usize, ROWS);
     for (at, episode) in rows.episodes().iter().enumerate() {
-        let own = episode.rows.min(left);
-        left -= own;
-        let block = rows.read(at, 0..own, Halo::default())?;
+        let counted = episode.rows.min(left);
+        left -= counted;
+        let block = rows.read(at, 0..counted, Halo::default())?;
         for x in block.core(column).windows(4).filter(|x| x.iter().all(|x| x.is_finite())) {
             first += (x[3] - x[2]).powi(2);
             third += (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).powi(2);

@@ -131,14 +131,14 @@ impl Ranking {
         self.candidates.push(Candidate {
             name: trial.name.clone(),
             method: trial.kind.method().to_owned(),
-            coefficients: tried.as_ref().map_or(0, |own| coefficients(&own.model)),
+            coefficients: tried.as_ref().map_or(0, |fitted| coefficients(&fitted.model)),
             error: finite.then_some(mean),
             standard_error: (finite && spread.is_finite()).then_some(spread),
             folds: errors,
             ended: [ended, starts],
             reason: reason.or(diverged),
         });
-        self.tried.push(tried.map(|own| Tried { folds: folds.to_vec(), ..own }));
+        self.tried.push(tried.map(|fitted| Tried { folds: folds.to_vec(), ..fitted }));
     }
 
     /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold, or within a twentieth.

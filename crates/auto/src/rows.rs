@@ -90,11 +90,11 @@ pub(crate) fn look(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Res
 
 /// Range, and share of rows that move, of every column.
 fn ranges(view: &dyn Source) -> Result<Vec<([f64; 2], f64)>, Error> {
-    let mut found = vec![([f64::INFINITY, f64::NEG_INFINITY], 0.0, f64::NAN); view.columns().len()];
+    let mut extent = vec![([f64::INFINITY, f64::NEG_INFINITY], 0.0, f64::NAN); view.columns().len()];
     for (at, episode) in view.episodes().iter().enumerate() {
         for from in (0..episode.rows).step_by(ROWS) {
             let block = view.read(at, from..(from + ROWS).min(episode.rows), Halo::default())?;
-            for (place, (range, moved, last)) in found.iter_mut().enumerate() {
+            for (place, (range, moved, last)) in extent.iter_mut().enumerate() {
                 for &value in block.core(place).iter().filter(|value| value.is_finite()) {
                     *range = [range[0].min(value), range[1].max(value)];
                     *moved += f64::from(u8::from(value != *last));
@@ -104,5 +104,5 @@ fn ranges(view: &dyn Source) -> Result<Vec<([f64; 2], f64)>, Error> {
         }
     }
     let rows = view.rows().max(1) as f64;
-    Ok(found.into_iter().map(|(range, moved, _)| (range, moved / rows)).collect())
+    Ok(extent.into_iter().map(|(range, moved, _)| (range, moved / rows)).collect())
 }

@@ -58,9 +58,9 @@ pub(crate) fn simulated(
             }
             Err(error) => return Err(error),
         };
-        let (own, still) = against_persistence(&rolled.horizon);
+        let (model_errors, still) = against_persistence(&rolled.horizon);
         let squares = |errors: Vec<f64>| errors.into_iter().map(|error| error * error).collect::<Vec<f64>>();
-        tested.model.push(squares(own));
+        tested.model.push(squares(model_errors));
         tested.persistence.push(squares(still));
         tested.states.clone_from(&rolled.horizon.states);
         tested.outside += rolled.left_domain();

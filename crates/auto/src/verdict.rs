@@ -82,18 +82,18 @@ fn span(outcome: &Auto) -> String {
 }
 
 fn weak(outcome: &Auto) -> String {
-    let of = |own: &TestedState| {
-        let least = [own.persistence, own.mean.unwrap_or(f64::NAN)].into_iter().fold(f64::INFINITY, f64::min);
-        own.rmse.value / least
+    let of = |tested: &TestedState| {
+        let least = [tested.persistence, tested.mean.unwrap_or(f64::NAN)].into_iter().fold(f64::INFINITY, f64::min);
+        tested.rmse.value / least
     };
-    let worst = outcome.tested.iter().filter(|own| of(own).is_finite()).max_by(|a, b| of(a).total_cmp(&of(b)));
-    let state = worst.map_or_else(String::new, |own| {
-        let unit = own.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
+    let worst = outcome.tested.iter().filter(|tested| of(tested).is_finite()).max_by(|a, b| of(a).total_cmp(&of(b)));
+    let state = worst.map_or_else(String::new, |worst_state| {
+        let unit = worst_state.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
         format!(
             "`{}` has the largest error beside persistence and the mean: {}{unit}, {} times the smaller of these",
-            own.state,
-            number(own.rmse.value),
-            ratio(of(own))
+            worst_state.state,
+            number(worst_state.rmse.value),
+            ratio(of(worst_state))
         )
     });
     format!(
