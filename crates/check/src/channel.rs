@@ -212,15 +212,15 @@ impl Channels {
             halo,
             progress,
             || vec![Sums::default(); channels.len()],
-            |found: &mut Vec<Sums>, _, block: &Block, rows| -> Result<(), Error> {
+            |part_sums: &mut Vec<Sums>, _, block: &Block, rows| -> Result<(), Error> {
                 let core = block.before + rows.start..block.before + rows.end;
-                for ((sum, channel), step) in found.iter_mut().zip(channels).zip(&steps) {
+                for ((sum, channel), step) in part_sums.iter_mut().zip(channels).zip(&steps) {
                     sum.add(block.column(channel.place), core.clone(), *step);
                 }
                 Ok(())
             },
-            |_, found| -> Result<(), Error> {
-                sums.iter_mut().zip(found).for_each(|(sum, other)| sum.merge(other));
+            |_, part_sums| -> Result<(), Error> {
+                sums.iter_mut().zip(part_sums).for_each(|(sum, other)| sum.merge(other));
                 Ok(())
             },
         )?;

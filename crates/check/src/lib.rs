@@ -97,16 +97,16 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     let mut findings = stamps::of_files(&infos);
     findings.extend(stamps::of_rows(&view, progress)?);
     let sample = Sample::read(&view, &channels, progress)?;
-    let found = Channels::read(&view, &channels, &sample, progress)?;
-    findings.extend(found.findings(&channels, dataset.step()));
-    findings.extend(related::findings(&channels, &found, &sample, progress)?);
+    let statistics = Channels::read(&view, &channels, &sample, progress)?;
+    findings.extend(statistics.findings(&channels, dataset.step()));
+    findings.extend(related::findings(&channels, &statistics, &sample, progress)?);
     findings.sort_by_key(|finding| finding.fault.rank());
     Ok(Checked {
         files: logs.len(),
         episodes: dataset.episodes().len(),
         rows: dataset.rows(),
         period: dataset.step(),
-        channels: found.summaries(&channels),
+        channels: statistics.summaries(&channels),
         findings,
         notes,
     })

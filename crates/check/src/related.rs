@@ -225,11 +225,11 @@ fn angles(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usiz
 fn accelerations(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usize]) -> Vec<Finding> {
     let mut findings = Vec::new();
     let with = |first: usize, wanted: usize| {
-        let (_, own) = words[first].axis()?;
+        let (_, axis_name) = words[first].axis()?;
         usable
             .iter()
             .copied()
-            .find(|&at| words[at].axis().is_some_and(|(axis, others)| axis == wanted && others == own))
+            .find(|&at| words[at].axis().is_some_and(|(axis, others)| axis == wanted && others == axis_name))
     };
     for &x in usable.iter().filter(|&&at| words[at].acceleration && words[at].axis().is_some_and(|(axis, _)| axis == 0))
     {
@@ -241,9 +241,9 @@ fn accelerations(channels: &[Channel], words: &[Words], sample: &Sample, usable:
         let mut lengths: Vec<f64> = sample
             .stretches
             .iter()
-            .flat_map(|own| {
-                (0..own.time.len())
-                    .map(|row| [x, y, z].map(|at| own.columns[at][row].powi(2)).iter().sum::<f64>().sqrt())
+            .flat_map(|stretch| {
+                (0..stretch.time.len())
+                    .map(|row| [x, y, z].map(|at| stretch.columns[at][row].powi(2)).iter().sum::<f64>().sqrt())
             })
             .filter(|length| length.is_finite())
             .collect();

@@ -117,17 +117,17 @@ pub(crate) fn of_rows(view: &dyn Source, progress: &dyn Progress) -> Result<Vec<
 
 impl Periods {
     fn of(stamps: &[i64]) -> Self {
-        let mut found = Self::default();
+        let mut totals = Self::default();
         let mut periods: Vec<i64> = stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
         if periods.len() < FEW {
-            return found;
+            return totals;
         }
         let mean = (stamps[stamps.len() - 1] - stamps[0]) as f64 / periods.len() as f64;
-        found.rows = periods.len() as u64;
-        found.bursts = periods.iter().filter(|&&period| (period as f64) < BURST * mean).count() as u64;
+        totals.rows = periods.len() as u64;
+        totals.bursts = periods.iter().filter(|&&period| (period as f64) < BURST * mean).count() as u64;
         // Of rows in groups the median is that within a group, and tells nothing of what is missing.
-        if found.bursts * 10 > found.rows {
-            return found;
+        if totals.bursts * 10 > totals.rows {
+            return totals;
         }
         let middle = periods.len() / 2;
         let median = (*periods.select_nth_unstable(middle).1 as f64).max(1.0);
@@ -136,12 +136,12 @@ impl Periods {
             // A whole number of periods: rows between are missing.
             let whole = share.round();
             if whole >= 2.0 && (share - whole).abs() < FIFTH {
-                found.dropped += whole as u64 - 1;
+                totals.dropped += whole as u64 - 1;
             } else if (share - 1.0).abs() > FIFTH {
-                found.off += 1;
+                totals.off += 1;
             }
         }
-        found
+        totals
     }
 
     fn findings(&self) -> Vec<Finding> {
