@@ -31,7 +31,7 @@ const USUAL: &str = "recipe states inputs predict degree lags partition library 
 
 /// A command whose help has the groups, and the same for the commands below it.
 pub(crate) fn grouped(command: Command) -> Command {
-    let names: Vec<String> = command.get_subcommands().map(|own| own.get_name().to_owned()).collect();
+    let names: Vec<String> = command.get_subcommands().map(|subcommand| subcommand.get_name().to_owned()).collect();
     let of = command.get_name().to_owned();
     // Help lists groups in the order of their first options.
     let mut sorted: Vec<Arg> = command.get_arguments().map(|argument| placed(argument.clone(), &of)).collect();
@@ -85,7 +85,7 @@ mod tests {
 
     fn each(command: &Command, visit: &mut impl FnMut(&Command)) {
         visit(command);
-        command.get_subcommands().for_each(|own| each(own, visit));
+        command.get_subcommands().for_each(|subcommand| each(subcommand, visit));
     }
 
     #[test]
@@ -112,7 +112,7 @@ mod tests {
         let listed = GROUPS.iter().flat_map(|(_, options)| options.split_whitespace()).chain(USUAL.split_whitespace());
         for name in listed {
             let name = name.split_once(':').map_or(name, |(_, name)| name);
-            assert!(names.iter().any(|own| own == name), "--{name}");
+            assert!(names.iter().any(|option_name| option_name == name), "--{name}");
         }
     }
 }

@@ -36,7 +36,7 @@ fn threads(asked: usize, context: &Context) -> usize {
 }
 
 fn main() -> ExitCode {
-    let cli = help::grouped(Cli::command()).try_get_matches().and_then(|found| Cli::from_arg_matches(&found));
+    let cli = help::grouped(Cli::command()).try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
     let cli = cli.unwrap_or_else(|error| report::usage(&error));
     if let Err(error) = fleetfoot::data::check_instruction_set() {
         report::tell(error);

@@ -27,9 +27,9 @@ fn values(argument: &clap::Arg) -> [String; 2] {
 
 /// Every entry of a method's settings is an entry of its section and a flag of its command; the flag stands above the recipe, and the recipe above nothing.
 fn walk<S: Settings>(command: &[&str], of: fn(&Command) -> Option<&S>) {
-    let told = S::augment_args(clap::Command::new("settings"));
+    let arguments_of = S::augment_args(clap::Command::new("settings"));
     let mut fields = Vec::new();
-    for argument in told.get_arguments() {
+    for argument in arguments_of.get_arguments() {
         let entry = argument.get_id().as_str();
         let flag = |value: &str| -> S {
             let flag = format!("--{}={value}", entry.replace('_', "-"));
@@ -57,39 +57,39 @@ fn walk<S: Settings>(command: &[&str], of: fn(&Command) -> Option<&S>) {
 #[test]
 fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
     walk::<PwaSection>(&["fit", "pwa"], |command| match command {
-        Command::Fit(Fit::Pwa(own)) => Some(&own.pwa),
+        Command::Fit(Fit::Pwa(options)) => Some(&options.pwa),
         _ => None,
     });
     walk::<SparseSection>(&["fit", "sparse"], |command| match command {
-        Command::Fit(Fit::Sparse(own)) => Some(&own.sparse),
+        Command::Fit(Fit::Sparse(options)) => Some(&options.sparse),
         _ => None,
     });
     walk::<SindySection>(&["fit", "sindy"], |command| match command {
-        Command::Fit(Fit::Sindy(own)) => Some(&own.sindy),
+        Command::Fit(Fit::Sindy(options)) => Some(&options.sindy),
         _ => None,
     });
     walk::<NarxSection>(&["fit", "narx"], |command| match command {
-        Command::Fit(Fit::Narx(own)) => Some(&own.narx),
+        Command::Fit(Fit::Narx(options)) => Some(&options.narx),
         _ => None,
     });
     walk::<NetworkSection>(&["fit", "network"], |command| match command {
-        Command::Fit(Fit::Network(own)) => Some(&own.network),
+        Command::Fit(Fit::Network(options)) => Some(&options.network),
         _ => None,
     });
     walk::<EstimateSection>(&["fit", "parameters"], |command| match command {
-        Command::Fit(Fit::Parameters(own)) => Some(&own.estimate),
+        Command::Fit(Fit::Parameters(options)) => Some(&options.estimate),
         _ => None,
     });
     walk::<FilterSection>(&["filter", "model.json"], |command| match command {
-        Command::Filter(own) => Some(&own.how),
+        Command::Filter(options) => Some(&options.how),
         _ => None,
     });
     walk::<AutoSection>(&["auto", "log.csv"], |command| match command {
-        Command::Auto(own) => Some(&own.auto),
+        Command::Auto(options) => Some(&options.auto),
         _ => None,
     });
     walk::<ResimulateSection>(&["resimulate", "model.json"], |command| match command {
-        Command::Resimulate(own) => Some(&own.how),
+        Command::Resimulate(options) => Some(&options.how),
         _ => None,
     });
 }
@@ -112,9 +112,12 @@ fn what_is_modelled_is_a_flag_of_every_method_with_partitions() {
     let mut command = Cli::command();
     let fit = command.find_subcommand_mut("fit").unwrap();
     for method in ["pwa", "sindy", "narx"] {
-        let own = fit.find_subcommand_mut(method).unwrap();
+        let method_command = fit.find_subcommand_mut(method).unwrap();
         for entry in &entries {
-            assert!(own.get_arguments().any(|argument| argument.get_id() == entry.as_str()), "{method}: {entry}");
+            assert!(
+                method_command.get_arguments().any(|argument| argument.get_id() == entry.as_str()),
+                "{method}: {entry}"
+            );
         }
     }
 }

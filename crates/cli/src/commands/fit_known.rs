@@ -22,25 +22,25 @@ struct KnownReport<'a> {
 /// Writes the model of a recipe in which every state is known.
 pub(crate) fn known(recipe: &Recipe, files: &[PathBuf], output: &Path, context: &Context) -> Result<(), Error> {
     let bar = context.bar();
-    let found = known_model(recipe, files, &bar);
+    let fitted = known_model(recipe, files, &bar);
     bar.finish();
-    let found = found?;
-    write_model(&found.model, output)?;
-    context.notes(&found.notes);
+    let fitted = fitted?;
+    write_model(&fitted.model, output)?;
+    context.notes(&fitted.notes);
     context.say("note: all states are known: nothing is fitted, and no library or partition is used; score the model by rollouts");
-    let equations = equations(&found);
+    let equations = equations(&fitted);
     context.print(
         KnownReport {
-            rows: found.rows,
-            episodes: found.episodes,
-            files: found.files,
+            rows: fitted.rows,
+            episodes: fitted.episodes,
+            files: fitted.files,
             equations: &equations,
             model: output.display().to_string(),
-            hash: found.model.hash(),
-            notes: &found.notes,
+            hash: fitted.model.hash(),
+            notes: &fitted.notes,
         },
         || {
-            let text = format!("{} rows of {}", found.rows, count(found.episodes, "episode"));
+            let text = format!("{} rows of {}", fitted.rows, count(fitted.episodes, "episode"));
             format!("{text}; every equation is given\n\n{}", equations.join("\n"))
         },
     );

@@ -65,8 +65,8 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     if let Some(search) = &report.search {
         text.push_str(&format!("\n{}\n", search_text(search)));
     }
-    if let Some(refinement) = report.summary.refinement.as_ref().filter(|own| own.written) {
-        let targets: Vec<String> = report.regions[0].equations.iter().map(|own| own.label.clone()).collect();
+    if let Some(refinement) = report.summary.refinement.as_ref().filter(|refined| refined.written) {
+        let targets: Vec<String> = report.regions[0].equations.iter().map(|equation| equation.label.clone()).collect();
         text.push_str(&format!("\n{}\n", fit::refined_held_out(refinement, &targets)));
     }
     if let Some(held_out) = &report.held_out {

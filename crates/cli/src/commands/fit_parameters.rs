@@ -60,18 +60,18 @@ fn to_text(report: &ParametersReport) -> String {
 }
 
 /// A gain with its interval.
-fn gain(own: &GainInterval) -> String {
-    if own.at_bound || !own.standard_error.is_finite() {
+fn gain(interval: &GainInterval) -> String {
+    if interval.at_bound || !interval.standard_error.is_finite() {
         return format!(
             "{} {} ({})",
-            own.name,
-            number(own.value),
-            if own.at_bound { "bound" } else { "not determined" }
+            interval.name,
+            number(interval.value),
+            if interval.at_bound { "bound" } else { "not determined" }
         );
     }
-    let [low, high] = own.interval.map(number);
-    let uncertain = Uncertain { value: own.value, error: own.standard_error };
-    format!("{} {uncertain} ({low} to {high})", own.name)
+    let [low, high] = interval.interval.map(number);
+    let uncertain = Uncertain { value: interval.value, error: interval.standard_error };
+    format!("{} {uncertain} ({low} to {high})", interval.name)
 }
 
 /// The largest correlation of innovations.

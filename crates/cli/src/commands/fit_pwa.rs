@@ -57,7 +57,7 @@ fn to_text(report: &PwaReport) -> String {
                 format!("{} +- {}", ratio(score.loss), ratio(score.standard_error))
             });
             if continuous {
-                row.push(score.continuity.map_or_else(|| "-".into(), |own| ratio(own.apart)));
+                row.push(score.continuity.map_or_else(|| "-".into(), |joined| ratio(joined.apart)));
             }
             let marks = [
                 (index == identification.chosen, "<- chosen"),
@@ -78,7 +78,7 @@ fn to_text(report: &PwaReport) -> String {
     if !summary.baselines.is_empty() {
         let losses: Vec<f64> = summary.baselines.iter().map(TargetBaselines::loss).collect();
         let loss = losses.iter().sum::<f64>() / losses.len() as f64;
-        let errors = summary.baselines.iter().map(|own| own.persistence_over_mean).collect();
+        let errors = summary.baselines.iter().map(|baseline| baseline.persistence_over_mean).collect();
         if !identification.candidates.iter().any(|score| score.specification == Specification::Null) {
             rows.push(baseline("(mean)", vec![1.0; losses.len()], 1.0));
         }
@@ -92,10 +92,11 @@ fn to_text(report: &PwaReport) -> String {
         summary.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", fit::by_rollouts(choice)));
     let rollouts = rollouts + &summary.refinement.as_ref().map_or_else(String::new, fit::refined_over_candidates);
     let by_spans = |target: &str| {
-        let at = identification.targets.iter().position(|own| own == target)?;
+        let at = identification.targets.iter().position(|name| name == target)?;
         identification.candidates[identification.chosen].r2.get(at).map(|r2| 1.0 - r2)
     };
-    let by_time = summary.by_time.as_ref().map_or_else(String::new, |own| format!("\n{}", own.in_words(by_spans)));
+    let by_time =
+        summary.by_time.as_ref().map_or_else(String::new, |comparison| format!("\n{}", comparison.in_words(by_spans)));
     let which = if identification.held_out { "cross-validated" } else { "in-sample" };
     let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
     format!(
@@ -119,13 +120,13 @@ fn to_text(report: &PwaReport) -> String {
 
 /// Largest jump at the borders of maps that meet there, with the count of free numbers.
 fn continuity(score: &Score) -> String {
-    score.continuity.map_or_else(String::new, |own| {
+    score.continuity.map_or_else(String::new, |meeting| {
         format!(
             "\n{}: the maps meet at {} within {} standard deviations, with {} free coefficients per target",
             score.specification,
-            count(own.borders, "border"),
-            number(own.jump),
-            own.numbers
+            count(meeting.borders, "border"),
+            number(meeting.jump),
+            meeting.numbers
         )
     })
 }

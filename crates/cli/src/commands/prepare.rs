@@ -134,39 +134,39 @@ fn to_text(report: &PrepareReport) -> String {
 }
 
 /// Calibration that fusion estimated for a body's sensors, with its standard deviations.
-fn body(own: &BodyReport) -> String {
+fn body(fused: &BodyReport) -> String {
     let list = |values: &[f64]| values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(", ");
     let with = |values: &[f64], deviations: &[f64]| match deviations.iter().any(|deviation| *deviation > 0.0) {
         true => format!("{} (deviations {})", list(values), list(deviations)),
         false => format!("{}, as given", list(values)),
     };
-    let gravity = match own.gravity_deviation.iter().any(|deviation| *deviation > 0.0) {
-        true => format!(" (deviations of its direction {} rad)", list(&own.gravity_deviation)),
+    let gravity = match fused.gravity_deviation.iter().any(|deviation| *deviation > 0.0) {
+        true => format!(" (deviations of its direction {} rad)", list(&fused.gravity_deviation)),
         false => ", as given".into(),
     };
-    let rejected = |of: fn(&RejectedPoses) -> &Places| own.rejected.iter().map(|log| of(log).rows).sum::<usize>();
+    let rejected = |of: fn(&RejectedPoses) -> &Places| fused.rejected.iter().map(|log| of(log).rows).sum::<usize>();
     // Without an accelerometer gravity is not felt.
-    let (gravity, moved) = match own.jerk {
+    let (gravity, moved) = match fused.jerk {
         None => (
-            format!("  gravity   {} m/s^2{gravity}\n", list(&own.gravity)),
-            format!("force {} m/s^2/sqrt(Hz)", list(&own.imu_noise[1])),
+            format!("  gravity   {} m/s^2{gravity}\n", list(&fused.gravity)),
+            format!("force {} m/s^2/sqrt(Hz)", list(&fused.imu_noise[1])),
         ),
         Some(jerk) => (String::new(), format!("jerk {} m/s^3/sqrt(Hz)", number(jerk))),
     };
-    let noise = if own.noise_fitted { noise_text(own) } else { String::new() };
+    let noise = if fused.noise_fitted { noise_text(fused) } else { String::new() };
     format!(
         "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n{gravity}  noise     rate {} rad/s/sqrt(Hz), {moved}, position {} m, attitude {} rad, {}\n{noise}",
-        count(own.poses, "pose"),
+        count(fused.poses, "pose"),
         rejected(|log| &log.positions),
         rejected(|log| &log.attitudes),
-        own.outside,
-        with(&own.lever, &own.lever_deviation),
-        with(&own.mounting, &own.mounting_deviation),
-        with(&[own.delay], &[own.delay_deviation]),
-        list(&own.imu_noise[0]),
-        number(own.pose_noise[0]),
-        number(own.pose_noise[1]),
-        if own.noise_fitted { "estimated from the residuals" } else { "as given" },
+        fused.outside,
+        with(&fused.lever, &fused.lever_deviation),
+        with(&fused.mounting, &fused.mounting_deviation),
+        with(&[fused.delay], &[fused.delay_deviation]),
+        list(&fused.imu_noise[0]),
+        number(fused.pose_noise[0]),
+        number(fused.pose_noise[1]),
+        if fused.noise_fitted { "estimated from the residuals" } else { "as given" },
     )
 }
 
@@ -313,9 +313,10 @@ fn burst(of: &str, what: &str, all: usize, longest: &Places, mend: &str) -> Opti
 
 /// Notes on sensor readings that fusion left out.
 fn left_out(report: &PrepareReport) -> String {
-    let most =
-        |places: &mut dyn Iterator<Item = &Places>| places.max_by_key(|own| own.longest).cloned().unwrap_or_default();
-    let rows = |places: &mut dyn Iterator<Item = &Places>| places.map(|own| own.rows).sum();
+    let most = |places: &mut dyn Iterator<Item = &Places>| {
+        places.max_by_key(|place| place.longest).cloned().unwrap_or_default()
+    };
+    let rows = |places: &mut dyn Iterator<Item = &Places>| places.map(|place| place.rows).sum();
     let of_body = report.body.iter().flat_map(|body| {
         let positions = || body.rejected.iter().map(|log| &log.positions);
         let attitudes = || body.rejected.iter().map(|log| &log.attitudes);
