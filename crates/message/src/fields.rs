@@ -154,17 +154,17 @@ impl Node {
         self.tally.merge(later.tally);
         self.long = self.long.max(later.long);
         let Some(inside) = later.inside else { return };
-        let own = self.inside.get_or_insert_default();
+        let below = self.inside.get_or_insert_default();
         for (place, (name, node)) in inside.fields.into_iter().enumerate() {
-            match own.field(place, &name, growth) {
+            match below.field(place, &name, growth) {
                 Some(mine) => mine.merge(node, growth),
                 None => *growth.ignored += node.values(),
             }
         }
         for (element, node) in inside.elements {
             let mine = match &element {
-                Element::Index(index) => own.index(*index, growth),
-                Element::Key(key) => own.key(key, growth),
+                Element::Index(index) => below.index(*index, growth),
+                Element::Key(key) => below.key(key, growth),
             };
             match mine {
                 Some(mine) => mine.merge(node, growth),

@@ -14,11 +14,11 @@ use crate::{Extensibility, Length, Scalar, Schema, Type};
 /// A message that names the problem and its line.
 pub(super) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     let tokens = tokens(text)?;
-    let mut parser = Parser { tokens: &tokens, place: 0, scope: Vec::new(), found: HashMap::new() };
+    let mut parser = Parser { tokens: &tokens, place: 0, scope: Vec::new(), declarations: HashMap::new() };
     while parser.place < tokens.len() {
         parser.declaration()?;
     }
-    Resolver { found: parser.found, list: Vec::new(), places: HashMap::new() }.schema(name)
+    Resolver { declarations: parser.declarations, list: Vec::new(), places: HashMap::new() }.schema(name)
 }
 
 /// Declaration of a name.
@@ -66,7 +66,7 @@ struct Parser<'a> {
     /// The modules around.
     scope: Vec<&'a str>,
     /// By full name. A declaration remembers nothing of where it stands: names in it are looked up from its full name.
-    found: HashMap<String, Declared>,
+    declarations: HashMap<String, Declared>,
 }
 
 impl<'a> Parser<'a> {
@@ -114,7 +114,7 @@ impl<'a> Parser<'a> {
 
     fn declare(&mut self, name: &str, declared: Declared) {
         let full = self.scope.iter().copied().chain([name]).collect::<Vec<_>>().join("::");
-        self.found.entry(full).or_insert(declared);
+        self.declarations.entry(full).or_insert(declared);
     }
 
     /// One declaration, or the end of a module.
@@ -351,7 +351,7 @@ impl<'a> Parser<'a> {
 
 /// Looks names up, and makes the list of definitions that the root uses.
 struct Resolver {
-    found: HashMap<String, Declared>,
+    declarations: HashMap<String, Declared>,
     list: Vec<Definition>,
     /// Places in the list, by full names.
     places: HashMap<String, usize>,
@@ -361,7 +361,7 @@ impl Resolver {
     fn schema(mut self, name: &str) -> Result<Schema, String> {
         let full = name.replace('/', "::");
         let is_struct = |declared: Option<&Declared>| matches!(declared, Some(Declared::Struct { .. }));
-        if !is_struct(self.found.get(&full)) {
+        if !is_struct(self.declarations.get(&full)) {
             return Err(format!("the definition of `{name}` is missing: there is no struct {full}"));
         }
         let root = self.structure(&full)?;
@@ -380,7 +380,7 @@ impl Resolver {
         if let Some(&place) = self.places.get(full) {
             return Ok(place);
         }
-        let extensibility = match self.found.get(full) {
+        let extensibility = match self.declarations.get(full) {
             Some(Declared::Struct { extensibility, .. }) => *extensibility,
             _ => None,
         };
@@ -394,7 +394,7 @@ impl Resolver {
     }
 
     fn members(&mut self, full: &str, depth: usize) -> Result<Vec<Member>, String> {
-        let Some(Declared::Struct { base, members, .. }) = self.found.get(full) else {
+        let Some(Declared::Struct { base, members, .. }) = self.declarations.get(full) else {
             return Ok(time(full).into_iter().flatten().collect());
         };
         if depth >= MAX_DEPTH {
@@ -432,7 +432,7 @@ impl Resolver {
             }
             Spec::Named(name) => {
                 let Some(full) = self.look_up(name) else { return Ok(Kind::Missing(shown(name))) };
-                match self.found.get(&full) {
+                match self.declarations.get(&full) {
                     Some(Declared::Alias(spec)) => {
                         let spec = spec.clone();
                         self.kind(&spec, depth + 1)
@@ -449,7 +449,7 @@ impl Resolver {
     fn size(&self, size: &Size) -> Result<usize, String> {
         let number = match size {
             Size::Number(number) => *number,
-            Size::Named(name) => match self.look_up(name).and_then(|full| self.found.get(&full)) {
+            Size::Named(name) => match self.look_up(name).and_then(|full| self.declarations.get(&full)) {
                 Some(Declared::Number(number)) => *number,
                 _ => return Err(format!("the size `{}` is not a constant of the text", shown(name))),
             },
@@ -459,7 +459,7 @@ impl Resolver {
 
     /// The full name of what a name means: the innermost declaration counts.
     fn look_up(&self, name: &str) -> Option<String> {
-        let exists = |full: &str| self.found.contains_key(full) || time(full).is_some();
+        let exists = |full: &str| self.declarations.contains_key(full) || time(full).is_some();
         let Some((scope, name)) = name.split_once('|') else {
             let full = name.trim_start_matches("::");
             return exists(full).then(|| full.to_owned());

@@ -244,17 +244,17 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
         }
     }
 
-    fn load_numbers(&mut self, own: &Numbers) -> Result<(), Fault> {
-        let size = own.scalar.size();
-        let bytes = self.numbers(own.length, size, own.alignment)?;
-        let registers = own.registers.iter().filter_map(|&(register, slot)| {
+    fn load_numbers(&mut self, wanted_numbers: &Numbers) -> Result<(), Fault> {
+        let size = wanted_numbers.scalar.size();
+        let bytes = self.numbers(wanted_numbers.length, size, wanted_numbers.alignment)?;
+        let registers = wanted_numbers.registers.iter().filter_map(|&(register, slot)| {
             let index = *self.registers.get(register)?;
             (index != ABSENT).then_some((index as usize, slot))
         });
-        for (index, slot) in own.indices.iter().copied().chain(registers) {
+        for (index, slot) in wanted_numbers.indices.iter().copied().chain(registers) {
             let element = index.checked_mul(size).and_then(|start| bytes.get(start..start.checked_add(size)?));
             if let (Some(bytes), Some(value)) = (element, self.row.values.get_mut(slot..=slot)) {
-                numbers::<BIG>(own.scalar, bytes, value);
+                numbers::<BIG>(wanted_numbers.scalar, bytes, value);
             }
         }
         Ok(())
@@ -273,33 +273,33 @@ impl<'a, const BIG: bool> Machine<'a, BIG> {
         Ok(())
     }
 
-    fn elements(&mut self, own: &'a Elements) -> Result<(), Fault> {
-        let count = match own.length {
+    fn elements(&mut self, list: &'a Elements) -> Result<(), Fault> {
+        let count = match list.length {
             Some(length) => length,
             None => self.count()?,
         };
         // Elements without bytes have nothing to walk over or to load.
-        let Some(most) = self.left().checked_div(own.least) else { return Ok(()) };
+        let Some(most) = self.left().checked_div(list.least) else { return Ok(()) };
         if count > most {
-            return Err(Fault::Count { count, least: own.least, left: self.left() });
+            return Err(Fault::Count { count, least: list.least, left: self.left() });
         }
-        let mut indices = own.indices.iter().peekable();
-        for index in 0..own.walked.map_or(count, |walked| walked.min(count)) {
+        let mut indices = list.indices.iter().peekable();
+        for index in 0..list.walked.map_or(count, |walked| walked.min(count)) {
             let start = self.place;
-            self.ops(&own.skip)?;
+            self.ops(&list.skip)?;
             let stop = self.place;
             // Arrays inside the element are walked without looking at names: the name is the element's own.
-            if !own.keys.is_empty()
-                && let Some(pick) = self.key.take().and_then(|key| own.keys.find(key))
+            if !list.keys.is_empty()
+                && let Some(pick) = self.key.take().and_then(|key| list.keys.find(key))
             {
-                self.pick(own, pick, start)?;
+                self.pick(list, pick, start)?;
             }
             while let Some((_, pick)) = indices.next_if(|(wanted, _)| *wanted == index) {
-                self.pick(own, *pick, start)?;
+                self.pick(list, *pick, start)?;
             }
-            for &(register, pick) in &own.registers {
+            for &(register, pick) in &list.registers {
                 if self.registers.get(register).is_some_and(|&place| place as usize == index) {
-                    self.pick(own, pick, start)?;
+                    self.pick(list, pick, start)?;
                 }
             }
             self.place = stop;
