@@ -117,23 +117,23 @@ pub struct ArrowField {
 /// The fields of a schema that have a unit or are durations, by their paths. A damaged schema, or one of another kind,
 /// has none.
 pub fn fields(text: &str) -> BTreeMap<Vec<String>, ArrowField> {
-    let mut found = BTreeMap::new();
+    let mut by_path = BTreeMap::new();
     if let Ok(bytes) = BASE64_STANDARD.decode(text) {
         let message = bytes.strip_prefix(&CONTINUES).map_or(&*bytes, |rest| rest.get(4..).unwrap_or_default());
         if let Some(schema) = root(message).and_then(|message| message.table(2)) {
             // Every field and every pair takes some bytes of its own, unless the offsets lie.
             let mut left = message.len();
-            collect(&schema.tables(1), &mut Vec::new(), &mut left, &mut found);
+            collect(&schema.tables(1), &mut Vec::new(), &mut left, &mut by_path);
         }
     }
-    found
+    by_path
 }
 
 fn collect(
     fields: &[Table<'_>],
     path: &mut Vec<String>,
     left: &mut usize,
-    found: &mut BTreeMap<Vec<String>, ArrowField>,
+    by_path: &mut BTreeMap<Vec<String>, ArrowField>,
 ) {
     for field in fields {
         let pairs = field.tables(6);
@@ -146,10 +146,10 @@ fn collect(
         let kind = field.byte(2);
         let duration = if kind == Some(DURATION) { field.table(3).and_then(|detail| detail.duration()) } else { None };
         if unit.is_some() || duration.is_some() {
-            found.insert(path.clone(), ArrowField { unit, duration });
+            by_path.insert(path.clone(), ArrowField { unit, duration });
         }
         if kind == Some(STRUCT) && path.len() < DEEPEST {
-            collect(&field.tables(5), path, left, found);
+            collect(&field.tables(5), path, left, by_path);
         }
         path.pop();
     }

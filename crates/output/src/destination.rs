@@ -75,9 +75,9 @@ enum Identity {
 fn identity(path: &Path) -> Option<Identity> {
     let Ok(Destination::File(real)) = Destination::of(path) else { return None };
     #[cfg(unix)]
-    if let Ok(found) = fs::metadata(&real) {
+    if let Ok(existing) = fs::metadata(&real) {
         use std::os::unix::fs::MetadataExt;
-        return Some(Identity::Inode(found.dev(), found.ino()));
+        return Some(Identity::Inode(existing.dev(), existing.ino()));
     }
     Some(Identity::Path(folder(&real).canonicalize().ok()?.join(real.file_name()?)))
 }

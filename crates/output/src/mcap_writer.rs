@@ -292,8 +292,8 @@ mod tests {
                 &McapOptions { metadata: metadata.clone(), compress, chunk_bytes: 10_000, ..Default::default() },
             );
             let bytes = std::fs::read(&path).unwrap();
-            let found = messages(&bytes);
-            assert_eq!(found.len(), 2001);
+            let written = messages(&bytes);
+            assert_eq!(written.len(), 2001);
             let mut speed = vec![0, 1, 0, 0];
             speed.extend(7f64.to_le_bytes());
             let expected = (
@@ -304,11 +304,11 @@ mod tests {
                 7,
                 speed,
             );
-            assert_eq!(found[14], expected);
+            assert_eq!(written[14], expected);
             // After the header: stamp 8, length 4, "foot\0" 5, padding 7.
-            assert_eq!(found[15].5.len(), 4 + 8 + 4 + 5 + 7 + 24);
-            assert_eq!(found[15].5[4 + 24..][..8], 7f64.to_le_bytes());
-            assert_eq!((found[2000].2, found[2000].3), (3, 0));
+            assert_eq!(written[15].5.len(), 4 + 8 + 4 + 5 + 7 + 24);
+            assert_eq!(written[15].5[4 + 24..][..8], 7f64.to_le_bytes());
+            assert_eq!((written[2000].2, written[2000].3), (3, 0));
 
             let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
             let statistics = summary.stats.as_ref().unwrap();
