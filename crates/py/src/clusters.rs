@@ -160,8 +160,8 @@ pub(crate) fn kmeans_distances<'py>(
 fn of_width(rows: &Matrix, centroids: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<f64>> {
     let centroids = centroids.as_array();
     if centroids.ncols() != rows.columns() {
-        let (found, needed) = (centroids.ncols(), rows.columns());
-        return Err(Kind::Data.error(format!("X has {needed} columns, the cluster centres have {found}")));
+        let (width, needed) = (centroids.ncols(), rows.columns());
+        return Err(Kind::Data.error(format!("X has {needed} columns, the cluster centres have {width}")));
     }
     Ok(centroids.iter().copied().collect())
 }

@@ -205,7 +205,7 @@ pub(crate) fn fold_errors<'py>(
     check_folds(&folds)?;
     let alphas = alphas.as_array().to_vec();
     let options = SelectOptions { estimator: estimator.of.clone(), ..SelectOptions::default() };
-    let found = run_any(py, progress, |progress| {
+    let fold_losses = run_any(py, progress, |progress| {
         progress.stage("folds");
         parallel_map(folds.len(), progress, |fold| {
             let (design, train, test) = &folds[fold];
@@ -219,8 +219,8 @@ pub(crate) fn fold_errors<'py>(
             Ok::<_, Failure>((errors, solved.exact))
         })
     })?;
-    let errors = (0..alphas.len()).flat_map(|k| found.iter().map(move |(errors, _)| errors[k]));
+    let errors = (0..alphas.len()).flat_map(|k| fold_losses.iter().map(move |(errors, _)| errors[k]));
     let errors = PyArray1::from_vec(py, errors.collect()).reshape([alphas.len(), folds.len()])?;
-    let inexact = (0..alphas.len()).filter(|&k| found.iter().any(|(_, exact)| !exact[k])).collect();
+    let inexact = (0..alphas.len()).filter(|&k| fold_losses.iter().any(|(_, exact)| !exact[k])).collect();
     Ok((errors, inexact))
 }

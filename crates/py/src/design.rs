@@ -143,8 +143,8 @@ impl Design {
     ) -> PyResult<Self> {
         let rows = Borrowed { x: Matrix::of(x, "X")?, y: Matrix::Dense(Array::of(y, "y")?) };
         if rows.x.rows() != rows.y.rows() {
-            let (found, needed) = (rows.y.rows(), rows.x.rows());
-            return Err(Kind::Data.error(format!("y has {found} rows and X has {needed}: give one target a row")));
+            let (given_rows, needed) = (rows.y.rows(), rows.x.rows());
+            return Err(Kind::Data.error(format!("y has {given_rows} rows and X has {needed}: give one target a row")));
         }
         if rows.x.columns() == 0 || rows.y.columns() == 0 {
             return Err(Kind::Data.error("X and y need at least one column each"));

@@ -63,13 +63,13 @@ impl Model {
     fn linearized<'py>(
         &self,
         py: Python<'py>,
-        found: Vec<Linearized>,
+        linearizations: Vec<Linearized>,
         single: bool,
     ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
         let (n, m) = (self.stepper.states().len(), self.stepper.inputs().len());
-        let count = found.len();
+        let count = linearizations.len();
         let (mut a, mut b, mut c) = (Vec::new(), Vec::new(), Vec::new());
-        for point in found {
+        for point in linearizations {
             a.extend(point.a);
             b.extend(point.b);
             c.extend(point.c);

@@ -70,7 +70,7 @@ pub(crate) fn report<'py>(
     let changes = with_cache(of_json(recipe_text)?, cache);
     let models: Vec<_> = models.into_iter().map(|(name, model)| (name, model.get().model.clone())).collect();
     let logs = data.map(|data| data.logs.clone()).unwrap_or_default();
-    let told = run(py, progress, |progress| {
+    let scored = run(py, progress, |progress| {
         let mut options = fleetfoot::ReportOptions::default();
         (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
         options.plane = request.plane;
@@ -88,7 +88,7 @@ pub(crate) fn report<'py>(
         }
         Ok(made.to_json())
     })?;
-    object(py, &told)
+    object(py, &scored)
 }
 
 /// Advice for an answer that does not fit into memory.

@@ -130,7 +130,7 @@ pub(crate) fn points(stepper: &Stepper, given: &Given<'_, '_>) -> PyResult<Asked
         }
         (x, u) => x.or(u).unwrap_or(1),
     };
-    let block = |given: Option<Floats>, own: Option<usize>, width| Block {
+    let block = |given: Option<Floats>, expected_rows: Option<usize>, width| Block {
         values: given.map_or_else(Vec::new, |given| given.values),
         by_point: expected_rows.is_some(),
         rows: 1,

@@ -173,7 +173,7 @@ type Candidate = (String, usize, f64, f64, Vec<f64>, Vec<f64>, f64);
 /// Piecewise-affine models of arrays.
 #[pyclass(frozen, module = "fleetfoot._core")]
 pub(crate) struct PwaFit {
-    found: Identification,
+    identification: Identification,
 }
 
 #[pymethods]
@@ -201,17 +201,17 @@ impl PwaFit {
         }
         let weighted = weights.is_some();
         let problem = problem(features, targets, weighted, &request.features);
-        let found = run_any(x.py(), progress, |progress| {
+        let identification = run_any(x.py(), progress, |progress| {
             let table = Table::new(parts, &names(features, targets, weighted), &request.groups);
             Ok(identify(&problem, &request.options()?, &table, progress)?)
         })?;
-        Ok(Self { found })
+        Ok(Self { identification })
     }
 
     /// Coefficients of each region and target (regions x q x p).
     #[getter]
     fn coefficients(&self) -> Vec<Vec<Vec<f64>>> {
-        let latents = &self.found.model.latents;
+        let latents = &self.identification.model.latents;
         let row = |latent: &Latent, k| (0..latent.map.features()).map(|j| latent.map.coefficient(k, j)).collect();
         (0..self.regions()).map(|k| latents.iter().map(|latent| row(latent, k)).collect()).collect()
     }
@@ -219,27 +219,27 @@ impl PwaFit {
     /// Constant of each region and target (regions x q).
     #[getter]
     fn constants(&self) -> Vec<Vec<f64>> {
-        let latents = &self.found.model.latents;
+        let latents = &self.identification.model.latents;
         (0..self.regions()).map(|k| latents.iter().map(|latent| latent.map.constant(k)).collect()).collect()
     }
 
     /// The partition as users write it.
     #[getter]
     fn partition(&self) -> String {
-        self.found.candidates[self.found.chosen].specification.to_string()
+        self.identification.candidates[self.identification.chosen].specification.to_string()
     }
 
     /// Centre and scale of the partition's features.
     #[getter]
     fn units(&self) -> (Vec<f64>, Vec<f64>) {
-        let partition = self.found.model.partitions.first();
+        let partition = self.identification.model.partitions.first();
         partition.map_or_else(Default::default, |partition| (partition.centre.clone(), partition.scale.clone()))
     }
 
     /// Weights and offsets of the separators between regions, or between the cells of regions; empty where the partition has none.
     #[getter]
     fn separators(&self) -> (Vec<Vec<f64>>, Vec<f64>) {
-        let rule = self.found.model.partitions.first().map(|partition| &partition.rule);
+        let rule = self.identification.model.partitions.first().map(|partition| &partition.rule);
         let cells = match rule {
             Some(Rule::Joined { cells, .. }) => Some(cells.as_ref()),
             other_rule => other_rule,
@@ -253,7 +253,7 @@ impl PwaFit {
     /// The region of each cell, where cells are joined to regions; else empty.
     #[getter]
     fn joined(&self) -> Vec<u32> {
-        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+        match self.identification.model.partitions.first().map(|partition| &partition.rule) {
             Some(Rule::Joined { regions, .. }) => regions.clone(),
             _ => Vec::new(),
         }
@@ -262,7 +262,7 @@ impl PwaFit {
     /// The cuts of a tree ([`TreeCut`]); empty where the partition is none.
     #[getter]
     fn cuts(&self) -> Vec<TreeCut> {
-        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+        match self.identification.model.partitions.first().map(|partition| &partition.rule) {
             Some(Rule::Tree(tree)) => {
                 let cut_tuple = |cut: &Cut| (cut.column, cut.threshold, cut.below.code(), cut.above.code());
                 tree.cuts.iter().map(cut_tuple).collect()
@@ -274,13 +274,13 @@ impl PwaFit {
     /// True if the weights are centroids.
     #[getter]
     fn is_voronoi(&self) -> bool {
-        matches!(self.found.candidates[self.found.chosen].specification, Specification::KMeans(_))
+        matches!(self.identification.candidates[self.identification.chosen].specification, Specification::KMeans(_))
     }
 
     /// Radius of the ball, where the partition is one.
     #[getter]
     fn radius(&self) -> Option<f64> {
-        match self.found.model.partitions.first().map(|partition| &partition.rule) {
+        match self.identification.model.partitions.first().map(|partition| &partition.rule) {
             Some(Rule::Ball { radius }) => Some(*radius),
             _ => None,
         }
@@ -289,7 +289,7 @@ impl PwaFit {
     /// Rows that each region was fitted on.
     #[getter]
     fn rows(&self) -> Vec<u64> {
-        let regions = self.found.model.summaries.iter().take(1).flat_map(|summary| &summary.regions);
+        let regions = self.identification.model.summaries.iter().take(1).flat_map(|summary| &summary.regions);
         regions.map(|region| region.rows).collect()
     }
 
@@ -300,34 +300,34 @@ impl PwaFit {
             let (name, losses) = (score.specification.to_string(), score.losses.clone());
             (name, score.regions, score.loss, score.standard_error, losses, score.r2.clone(), score.bic)
         };
-        self.found.candidates.iter().map(score_tuple).collect()
+        self.identification.candidates.iter().map(score_tuple).collect()
     }
 
     /// For each partition the held-out loss of maps that need not meet; NaN unless requested.
     #[getter]
     fn apart(&self) -> Vec<f64> {
         let apart_of = |score: &fleetfoot::pwa::Score| score.continuity.map_or(f64::NAN, |continuity| continuity.apart);
-        self.found.candidates.iter().map(apart_of).collect()
+        self.identification.candidates.iter().map(apart_of).collect()
     }
 
     /// The number of the chosen one.
     #[getter]
     fn chosen(&self) -> usize {
-        self.found.chosen
+        self.identification.chosen
     }
 
     /// Notes for the user; the flag is true if the note is about an iteration that has not converged.
     #[getter]
     fn notes(&self) -> Vec<(String, bool)> {
-        let unconverged = self.found.partition_notes.iter().filter(|note| note.is_unconverged());
+        let unconverged = self.identification.partition_notes.iter().filter(|note| note.is_unconverged());
         let unconverged: Vec<String> = unconverged.map(ToString::to_string).collect();
-        self.found.notes.iter().map(|note| (note.clone(), unconverged.contains(note))).collect()
+        self.identification.notes.iter().map(|note| (note.clone(), unconverged.contains(note))).collect()
     }
 }
 
 impl PwaFit {
     fn regions(&self) -> usize {
-        self.found.model.latents.first().map_or(0, |latent| latent.map.regions())
+        self.identification.model.latents.first().map_or(0, |latent| latent.map.regions())
     }
 }
 

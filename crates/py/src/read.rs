@@ -115,14 +115,14 @@ pub(crate) fn read_model_rows<'py>(
     out.set_item("notes", &rows.rows.notes)?;
     let units = PyDict::new(py);
     let columns = PyDict::new(py);
-    for ((column, values), own) in rows.rows.columns.iter().zip(&model.columns) {
-        let role = match own.role {
+    for ((column, values), model_column) in rows.rows.columns.iter().zip(&model.columns) {
+        let role = match model_column.role {
             fleetfoot::model::Role::State => "state",
             fleetfoot::model::Role::Input => "input",
             _ => "auxiliary",
         };
         columns.set_item(&column.name, (role, PyArray1::from_slice(py, values)))?;
-        units.set_item(&column.name, column.unit.as_deref().or(own.unit.as_deref()))?;
+        units.set_item(&column.name, column.unit.as_deref().or(model_column.unit.as_deref()))?;
     }
     out.set_item("columns", columns)?;
     out.set_item("units", units)?;

@@ -66,9 +66,9 @@ impl Asked {
     /// Rows as numpy understands them: numbers from either end, masks, slices with steps.
     fn by_place(key: &Bound<'_, PyAny>, rows: usize) -> PyResult<Self> {
         let numpy = key.py().import("numpy")?;
-        let found = numpy.call_method1("arange", (rows,))?.get_item(key)?;
-        let found = numpy.call_method1("ravel", (found,))?.call_method1("astype", ("int64",))?;
-        let places: PyReadonlyArray1<'_, i64> = found.extract()?;
+        let indices = numpy.call_method1("arange", (rows,))?.get_item(key)?;
+        let indices = numpy.call_method1("ravel", (indices,))?.call_method1("astype", ("int64",))?;
+        let places: PyReadonlyArray1<'_, i64> = indices.extract()?;
         Ok(Self::Rows(places.as_array().iter().map(|&place| place as usize).collect()))
     }
 }
