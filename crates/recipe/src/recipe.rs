@@ -433,9 +433,9 @@ impl Recipe {
         let recipe: Self = serde_json::from_str(text).map_err(|problem: serde_json::Error| {
             // TOML tells the line that is at fault, JSON of one line does not.
             let value: Option<serde_json::Value> = serde_json::from_str(text).ok();
-            let told =
+            let message_text =
                 value.and_then(|value| toml::to_string(&value).ok()).and_then(|toml| Self::parse(&toml, name).err());
-            told.unwrap_or_else(|| refused(problem.to_string()))
+            message_text.unwrap_or_else(|| refused(problem.to_string()))
         })?;
         recipe.check_bounds().map_err(refused)?;
         Ok(recipe)

@@ -74,15 +74,15 @@ fn suffix(parts: &[Part<'_>], name: &str) -> Option<String> {
 /// The fields that a wildcard names, with the text of its stars; `None` for a text without a star of this kind.
 fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(String, String)>>, Error> {
     let Some(parts) = parts(text) else { return Ok(None) };
-    let found: Vec<(String, String)> = fields
+    let pairs: Vec<(String, String)> = fields
         .iter()
         .filter_map(|field| suffix(&parts, &field.name).map(|suffix| (suffix, field.name.clone())))
         .collect();
-    if found.is_empty() {
+    if pairs.is_empty() {
         let problem = format!("{place}: no field of the log matches `{text}`; {INFO_VALUES} lists them");
         return Err(Error::unknown(text, problem));
     }
-    Ok(Some(found))
+    Ok(Some(pairs))
 }
 
 /// Returns true if a column's name matches a pattern: a wildcard as in a recipe, or the name itself.
@@ -103,19 +103,19 @@ impl Recipe {
         for (name, text) in &self.columns {
             match matches(text, fields, &COLUMNS.entry(name).to_string())? {
                 None => _ = out.columns.insert(name.clone(), text.clone()),
-                Some(found) => {
-                    for (suffix, field) in &found {
+                Some(matched) => {
+                    for (suffix, field) in &matched {
                         out.columns.insert(format!("{name}{suffix}"), field.clone());
                     }
-                    aliases.insert(name, found);
+                    aliases.insert(name, matched);
                 }
             }
         }
         let named = |name: &str, place: &str| -> Result<Option<Vec<String>>, Error> {
-            if let Some(found) = aliases.get(name) {
-                return Ok(Some(found.iter().map(|(suffix, _)| format!("{name}{suffix}")).collect()));
+            if let Some(matched) = aliases.get(name) {
+                return Ok(Some(matched.iter().map(|(suffix, _)| format!("{name}{suffix}")).collect()));
             }
-            Ok(matches(name, fields, place)?.map(|found| found.into_iter().map(|(_, field)| field).collect()))
+            Ok(matches(name, fields, place)?.map(|matched| matched.into_iter().map(|(_, field)| field).collect()))
         };
         out.states = IndexMap::new();
         for (name, state) in &self.states {
@@ -124,7 +124,7 @@ impl Recipe {
                 Some(names) => out.states.extend(names.into_iter().map(|name| (name, state.clone()))),
                 None => match state.column.as_deref().map_or(Ok(None), |text| matches(text, fields, &place))? {
                     None => _ = out.states.insert(name.clone(), state.clone()),
-                    Some(found) => out.states.extend(found.into_iter().map(|(suffix, field)| {
+                    Some(matched) => out.states.extend(matched.into_iter().map(|(suffix, field)| {
                         (format!("{name}{suffix}"), crate::State { column: Some(field), ..state.clone() })
                     })),
                 },
@@ -138,9 +138,9 @@ impl Recipe {
             let text = table.column.as_deref().unwrap_or(name);
             let with = |column: String| Input::Table(InputTable { column: Some(column), ..table.clone() });
             match (named(text, &place)?, matches(text, fields, &place)?) {
-                (_, Some(found)) if text != name => {
-                    out.inputs.extend(found.into_iter().map(|(suffix, field)| (format!("{name}{suffix}"), with(field))))
-                }
+                (_, Some(matched)) if text != name => out
+                    .inputs
+                    .extend(matched.into_iter().map(|(suffix, field)| (format!("{name}{suffix}"), with(field)))),
                 (Some(names), _) => out.inputs.extend(names.into_iter().map(|name| (name.clone(), with(name)))),
                 _ => _ = out.inputs.insert(name.clone(), input.clone()),
             }

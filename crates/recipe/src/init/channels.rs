@@ -350,8 +350,8 @@ fn draft(columns: &[Column], without_odometry: bool) -> BTreeMap<String, Role> {
                 |column: &&Column| is_signal(column) && group.split('|').any(|word| is_of(&column.name, word));
             columns.iter().filter(is_wanted).map(|column| column.name.clone()).collect::<Vec<_>>()
         };
-        let found = groups.iter().map(|group| of_group(&group)).find(|found| !found.is_empty());
-        drafted.extend(found.unwrap_or_default().into_iter().map(|name| (name, role)));
+        let group_columns = groups.iter().map(|group| of_group(&group)).find(|group_columns| !group_columns.is_empty());
+        drafted.extend(group_columns.unwrap_or_default().into_iter().map(|name| (name, role)));
     }
     let has_states = drafted.values().any(|role| *role == Role::State);
     if has_states { drafted } else { BTreeMap::new() }
@@ -533,14 +533,14 @@ mod tests {
         };
         let topics = ["/vehicle_attitude", "/vehicle_angular_velocity", "/actuator_controls_0"].map(topic);
         let out = recipe("flight.ulg", &columns, &topics);
-        let found = Recipe::parse(&out, "starter").unwrap();
-        assert_eq!(found.states.keys().collect::<Vec<_>>(), ["roll", "pitch", "yaw", "p", "q", "r"], "{out}");
-        assert_eq!(found.inputs.keys().collect::<Vec<_>>(), ["u0", "u1", "u2", "u3"], "{out}");
+        let drafted = Recipe::parse(&out, "starter").unwrap();
+        assert_eq!(drafted.states.keys().collect::<Vec<_>>(), ["roll", "pitch", "yaw", "p", "q", "r"], "{out}");
+        assert_eq!(drafted.inputs.keys().collect::<Vec<_>>(), ["u0", "u1", "u2", "u3"], "{out}");
         let mut source = fleetfoot_data::MemorySource::new(columns[..4].to_vec());
         source.push_uniform("e", 0.1, quaternion.iter().map(|part| vec![*part]).collect());
         let scope = fleetfoot_library::Scope::new(columns.iter().map(|column| column.name.as_str()));
         let angles = ["roll", "pitch", "yaw"]
-            .map(|name| (Column::float(name), Expr::parse(&found.columns[name], &scope).unwrap()));
+            .map(|name| (Column::float(name), Expr::parse(&drafted.columns[name], &scope).unwrap()));
         let view = fleetfoot_library::View::new(&source, &angles).unwrap();
         let block = fleetfoot_data::Source::read(&view, 0, 0..1, fleetfoot_data::Halo::default()).unwrap();
         for (at, angle) in [roll, pitch, yaw].into_iter().enumerate() {
@@ -561,7 +561,7 @@ mod tests {
         source.push_uniform("e", 0.1, turned.iter().map(|part| vec![*part]).collect());
         let view = fleetfoot_library::View::new(&source, &angles).unwrap();
         let block = fleetfoot_data::Source::read(&view, 0, 0..1, fleetfoot_data::Halo::default()).unwrap();
-        let known = ["roll", "pitch", "yaw"].map(|name| found.states[name].known.clone().unwrap());
+        let known = ["roll", "pitch", "yaw"].map(|name| drafted.states[name].known.clone().unwrap());
         let names = ["roll", "pitch", "yaw", "p", "q", "r"];
         let scope = fleetfoot_library::Scope::new(names);
         let mut source = fleetfoot_data::MemorySource::new(names.map(Column::float).to_vec());

@@ -35,8 +35,8 @@ impl FromStr for HiddenLayers {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let layer = |item: &str| item.trim().parse().ok().filter(|units| (1..=MOST.0).contains(units));
-        let found: Option<Vec<usize>> = text.split(',').map(layer).collect();
-        found.filter(|layers| layers.len() <= MOST.1).map(Self).ok_or_else(|| {
+        let widths: Option<Vec<usize>> = text.split(',').map(layer).collect();
+        widths.filter(|layers| layers.len() <= MOST.1).map(Self).ok_or_else(|| {
             format!(
                 "hidden = \"{text}\": write the units of every hidden layer with commas, such as 32,32; 1 to {} units, {} layers at most",
                 MOST.0, MOST.1
