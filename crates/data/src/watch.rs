@@ -37,7 +37,7 @@ pub struct Watch {
     /// A bit for the first bits of every mark: nearly all rows are dismissed by it.
     sieve: Vec<u64>,
     /// The episode that was read, and the mark that it has.
-    found: Mutex<BTreeSet<(usize, u64)>>,
+    seen: Mutex<BTreeSet<(usize, u64)>>,
 }
 
 const SIEVE_BITS: u32 = 16;
@@ -64,7 +64,7 @@ impl Watch {
             wanted,
             enough,
             sieve,
-            found: Mutex::new(BTreeSet::new()),
+            seen: Mutex::new(BTreeSet::new()),
         })
     }
 
@@ -90,15 +90,15 @@ impl Watch {
             }
         }
         if !rows.is_empty() {
-            self.found.lock().unwrap_or_else(PoisonError::into_inner).extend(rows);
+            self.seen.lock().unwrap_or_else(PoisonError::into_inner).extend(rows);
         }
     }
 
     /// The episodes, by number, among whose rows that were read there are rows of a known one.
-    pub fn found(&self) -> BTreeSet<usize> {
-        let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+    pub fn seen(&self) -> BTreeSet<usize> {
+        let rows = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let mut counts: HashMap<(usize, usize), usize> = HashMap::new();
-        for (read, mark) in found.iter() {
+        for (read, mark) in rows.iter() {
             for known in &self.wanted[mark] {
                 *counts.entry((*read, *known)).or_default() += 1;
             }
@@ -184,7 +184,7 @@ mod tests {
             assert_eq!((block.before, block.rows, block.after), (plain.before, plain.rows, plain.after));
             assert_eq!((block.time, block.columns), (plain.time, plain.columns));
         }
-        watch.found() == [0].into()
+        watch.seen() == [0].into()
     }
 
     #[test]

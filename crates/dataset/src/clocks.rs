@@ -132,7 +132,13 @@ impl Clocks {
     }
 
     /// Compares the two channels of a clock, log by log.
-    fn compare(&mut self, search: Search<'_>, at: usize, by: By, [reference, own]: &[String; 2]) -> Result<(), Error> {
+    fn compare(
+        &mut self,
+        search: Search<'_>,
+        at: usize,
+        by: By,
+        [reference, channel_name]: &[String; 2],
+    ) -> Result<(), Error> {
         let Search { recipe, logs, topics, progress } = search;
         let (Some((name, section)), later) = (recipe.clocks.get_index(at), recipe.clocks.values().skip(at)) else {
             return Ok(());
@@ -146,10 +152,10 @@ impl Clocks {
         if !(reach > 0.0 && reach.is_finite()) {
             return Err(Error::value(format!("[clocks.{name}] reach = {reach}: write seconds above 0")));
         }
-        let own_set = Dataset::for_channels(recipe, std::slice::from_ref(own), &self.topics, logs, progress)?;
+        let own_set = Dataset::for_channels(recipe, std::slice::from_ref(channel_name), &self.topics, logs, progress)?;
         if !is_stamped(&own_set, topics, std::iter::once(section)) {
             return Err(Error::conflict(format!(
-                "{place}: `{own}` is not in a topic of [clocks.{name}]; name first the channel of the reference clock, then the channel of this clock"
+                "{place}: `{channel_name}` is not in a topic of [clocks.{name}]; name first the channel of the reference clock, then the channel of this clock"
             )));
         }
         let reference_set =
@@ -161,16 +167,16 @@ impl Clocks {
         }
         let even = recipe.prepare.dejitter == Some(true);
         let references = channels(&reference_set, even).map_err(|error| error.of(&place, reference))?;
-        for own_channel in channels(&own_set, even).map_err(|error| error.of(&place, own))? {
+        for own_channel in channels(&own_set, even).map_err(|error| error.of(&place, channel_name))? {
             let Some(reference_channel) = references.iter().find(|channel| channel.log == own_channel.log) else {
                 let log = own_channel.log.display();
                 return Err(Error::missing(format!("{place}: {log} has no rows of `{reference}`")));
             };
             let (about, even) = (section.offset, section.even == Some(true));
-            let pair = Pair { reference: reference_channel, own: &own_channel, reach, about, even };
-            let correspondence = pair.found(by).map_err(|source| Error::Signal {
+            let pair = Pair { reference: reference_channel, compared: &own_channel, reach, about, even };
+            let correspondence = pair.estimate(by).map_err(|source| Error::Signal {
                 episode: own_channel.log.display().to_string(),
-                channel: format!("{reference}` and `{own}"),
+                channel: format!("{reference}` and `{channel_name}"),
                 source,
             })?;
             self.take(name, section, &pair, correspondence)?;
@@ -186,7 +192,7 @@ impl Clocks {
         pair: &Pair<'_>,
         correspondence: Found,
     ) -> Result<(), Error> {
-        let log = pair.own.log.display().to_string();
+        let log = pair.compared.log.display().to_string();
         if let Found::Motion(Alignment { at_end: true, line, .. }) = &correspondence {
             return Err(Error::undetermined(format!(
                 "[clocks.{name}]: in {log} the best clock offset is {:.4} s at {:.1} ppm, at an end of the search range ({} s about {:.4} s): give a longer reach, or an offset to search about",
@@ -215,7 +221,7 @@ impl Clocks {
         let at = pair.reference.epoch + (line.second(line.at) * 1e9).round() as i64;
         let offset = (line.offset * 1e9).round() as i64;
         let skew = line.skew / (1.0 + line.skew);
-        self.topics.push(topic_clock(Some(pair.own.log.clone()), &section.topics, [at, offset], skew));
+        self.topics.push(topic_clock(Some(pair.compared.log.clone()), &section.topics, [at, offset], skew));
         Ok(())
     }
 }
@@ -295,8 +301,8 @@ enum Found {
 impl Found {
     fn line(&self) -> ClockLine {
         match self {
-            Self::Motion(found) => found.line,
-            Self::Wave(found) => found.line,
+            Self::Motion(estimate) => estimate.line,
+            Self::Wave(estimate) => estimate.line,
         }
     }
 }
@@ -304,7 +310,7 @@ impl Found {
 /// The two channels of a log.
 struct Pair<'a> {
     reference: &'a Channel,
-    own: &'a Channel,
+    compared: &'a Channel,
     reach: f64,
     /// The offset that the recipe gives, s.
     about: Option<f64>,
@@ -315,20 +321,20 @@ struct Pair<'a> {
 impl Pair<'_> {
     /// The offset that is searched about, s: what the recipe says, else the difference of what the headers lack to the log's times, which delays alone spoil.
     fn about(&self) -> f64 {
-        self.about.unwrap_or((self.reference.log_offset - self.own.log_offset) as f64 * 1e-9)
+        self.about.unwrap_or((self.reference.log_offset - self.compared.log_offset) as f64 * 1e-9)
     }
 
-    fn found(&self, by: By) -> Result<Found, SignalError> {
+    fn estimate(&self, by: By) -> Result<Found, SignalError> {
         // Seconds of both from the reference's beginning.
-        let apart = (self.own.epoch - self.reference.epoch) as f64 * 1e-9;
-        let own_times: Vec<f64> = self.own.times.iter().map(|time| time + apart).collect();
+        let apart = (self.compared.epoch - self.reference.epoch) as f64 * 1e-9;
+        let own_times: Vec<f64> = self.compared.times.iter().map(|time| time + apart).collect();
         let first = Record { times: &self.reference.times, values: &self.reference.values };
-        let second = Record { times: &own_times, values: &self.own.values };
+        let second = Record { times: &own_times, values: &self.compared.values };
         let within = Within { about: self.about(), reach: self.reach, skew: SKEW };
         match by {
             By::Motion => align(first, second, within).map(Found::Motion),
             By::Wave => {
-                let wave = WaveOptions { margin: self.reference.margin.max(self.own.margin), even: self.even };
+                let wave = WaveOptions { margin: self.reference.margin.max(self.compared.margin), even: self.even };
                 align_edges(first, second, within, wave).map(Found::Wave)
             }
         }

@@ -187,8 +187,9 @@ impl Dataset {
         notes.extend(smoothed.clone());
         let recording = match condition {
             Some(condition) => {
-                let (runs, told) = condition.runs(&Labelled::new(Watched::new(&recording, None), &labels), progress)?;
-                notes.push(told);
+                let (runs, condition_notes) =
+                    condition.runs(&Labelled::new(Watched::new(&recording, None), &labels), progress)?;
+                notes.push(condition_notes);
                 recording.parts(&runs, &selection, progress)?
             }
             None => recording,

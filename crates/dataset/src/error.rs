@@ -21,27 +21,27 @@ pub enum Error {
     /// A model that advances row by row on rows of another period.
     #[error(
         "{}: its rows are {} s apart and the model advances by rows of {} s, so its predictions would be wrong; {mend}; \
-         if the stamps of this log are wrong, give its period with {DT}", path.display(), short(*found), short(*expected)
+         if the stamps of this log are wrong, give its period with {DT}", path.display(), short(*period), short(*expected)
     )]
     OtherPeriod {
         /// The log.
         path: PathBuf,
         /// Its period, s.
-        found: f64,
+        period: f64,
         /// The model's, s.
         expected: f64,
         /// Remedy.
         mend: String,
     },
     /// Text where numbers are read.
-    #[error("{}: {what} holds text ({found}), instead of numbers: {mend}", path.display())]
+    #[error("{}: {what} holds text ({first}), instead of numbers: {mend}", path.display())]
     TextAsNumber {
         /// The log.
         path: PathBuf,
         /// The column and its part.
         what: String,
         /// The first value that is no number, and where it stands.
-        found: String,
+        first: String,
         /// Remedy: the setting or the change of the data that makes the column readable.
         mend: String,
     },

@@ -102,7 +102,7 @@ impl Folder {
             }
             if name == RECIPE || is_own(&name) {
                 ours.push(path);
-            } else if LogFormat::found(&path).is_some() {
+            } else if LogFormat::detect(&path).is_some() {
                 foreign.push(path);
             }
         }

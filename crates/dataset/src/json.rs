@@ -11,12 +11,12 @@ const FORMAT: u32 = 2;
 struct Report<R> {
     format: u32,
     #[serde(flatten)]
-    told: R,
+    content: R,
 }
 
 /// A report as a tree of values.
-pub fn report(told: impl Serialize) -> Value {
-    value(Report { format: FORMAT, told })
+pub fn report(content: impl Serialize) -> Value {
+    value(Report { format: FORMAT, content })
 }
 
 /// A part of a report as a tree of values.

@@ -19,7 +19,9 @@ const TOLERANCE: f64 = 0.1;
 fn of_files<'a>(dataset: &'a Dataset, model: &Model) -> Vec<(&'a Path, f64)> {
     let trained: HashSet<String> = dataset.in_sample(model).into_iter().collect();
     let mut files: Vec<(&Path, Vec<&Episode>)> = Vec::new();
-    for (at, episode) in dataset.episodes().iter().enumerate().filter(|(_, own)| !trained.contains(&own.name)) {
+    for (at, episode) in
+        dataset.episodes().iter().enumerate().filter(|(_, each_episode)| !trained.contains(&each_episode.name))
+    {
         let path = dataset.origin(at);
         match files.last_mut().filter(|(last, _)| *last == path) {
             Some((_, episodes)) => episodes.push(episode),
@@ -36,20 +38,20 @@ fn of_files<'a>(dataset: &'a Dataset, model: &Model) -> Vec<(&'a Path, f64)> {
 /// [`Error::OtherPeriod`].
 pub(crate) fn check(model: &Model, dataset: &Dataset, every: usize) -> Result<Option<String>, Error> {
     let expected = model.step;
-    let found = |seconds: f64| seconds * every as f64;
+    let step_of = |seconds: f64| seconds * every as f64;
     let other =
-        |(_, seconds): &(&Path, f64)| *seconds > 0.0 && (found(*seconds) - expected).abs() > TOLERANCE * expected;
+        |(_, seconds): &(&Path, f64)| *seconds > 0.0 && (step_of(*seconds) - expected).abs() > TOLERANCE * expected;
     let first = of_files(dataset, model).into_iter().find(other);
     let Some((path, seconds)) = first.filter(|_| expected > 0.0) else { return Ok(None) };
-    let found = found(seconds);
+    let period = step_of(seconds);
     if by_rows(model, dataset.aliases()) {
-        return Err(Error::OtherPeriod { path: path.into(), found, expected, mend: mend(found, expected) });
+        return Err(Error::OtherPeriod { path: path.into(), period, expected, mend: mend(period, expected) });
     }
     Ok(Some(format!(
         "{}: its rows are {} s apart, those that the model was fitted on {} s; a model of derivatives holds for both, but measured derivatives and steps of \
          integration are as coarse as the rows",
         path.display(),
-        short(found),
+        short(period),
         short(expected)
     )))
 }

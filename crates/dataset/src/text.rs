@@ -50,7 +50,7 @@ pub(crate) fn refuse_text(
         return Err(Error::TextAsNumber {
             path,
             what,
-            found: format!("\"{value}\"{place}"),
+            first: format!("\"{value}\"{place}"),
             mend: mend(&field, value, names),
         });
     }

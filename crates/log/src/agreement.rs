@@ -73,16 +73,16 @@ fn clock(log: &Log, spec: &TimeSpec) -> (Option<Clock>, csv::Dates) {
 fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUnit>, Error> {
     let mut common: Option<(&PathBuf, Vec<TimeUnit>)> = None;
     for (path, clock) in files {
-        if matches!(clock.unit, ClockUnit::Told(_)) {
+        if matches!(clock.unit, ClockUnit::Given(_)) {
             continue;
         }
-        let own: Vec<TimeUnit> = clock.readings().iter().map(|reading| reading.unit).collect();
+        let readings: Vec<TimeUnit> = clock.readings().iter().map(|reading| reading.unit).collect();
         let Some((first, units)) = &mut common else {
-            common = Some((path, own));
+            common = Some((path, readings));
             continue;
         };
         let before = units.clone();
-        units.retain(|unit| own.contains(unit));
+        units.retain(|unit| readings.contains(unit));
         if units.is_empty() {
             return Err(Error::ColumnsDisagree {
                 column: column.into(),
@@ -91,7 +91,7 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
                 second: path.clone(),
                 second_is: format!(
                     "one in {} (judged by the numbers; {TIME_UNIT} names one unit for all files; if they differ, open them apart)",
-                    symbols(&own)
+                    symbols(&readings)
                 ),
             });
         }
@@ -100,7 +100,7 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
         }
     }
     let hint = || {
-        let mut units = files.iter().filter_map(|(_, clock)| clock.told());
+        let mut units = files.iter().filter_map(|(_, clock)| clock.given_unit());
         units.next().filter(|unit| units.all(|other| other == *unit))
     };
     Ok(common.and_then(|(_, units)| match units[..] {

@@ -231,7 +231,7 @@ fn tell(plan: &Plan, decoded: &Decoded) -> Vec<String> {
         notes.push(format!("{}: {failed} messages cannot be decoded and are left out ({why})", topic.name));
     }
     for series in &decoded.series {
-        notes.extend(series.counts.left_out("messages").map(|told| format!("{}: {told}", series.name)));
+        notes.extend(series.counts.left_out("messages").map(|left_out| format!("{}: {left_out}", series.name)));
     }
     notes
 }
@@ -253,7 +253,7 @@ fn categories(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(Vec<TableC
             });
         }
         let mut column = planned.column.clone();
-        let mut own = None;
+        let mut file_names = None;
         if met.text {
             let names = fields.texts.names();
             if names.len() > MAX_CATEGORIES {
@@ -264,12 +264,12 @@ fn categories(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(Vec<TableC
             let mut places = vec![f64::NAN; names.len()];
             order.iter().enumerate().for_each(|(place, &code)| places[code] = place as f64);
             column.kind = ColumnKind::Category(order.iter().map(|&code| names[code].clone()).collect());
-            own = Some(places);
+            file_names = Some(places);
         } else if matches!(column.kind, ColumnKind::Category(_)) && met.number {
             column.kind = ColumnKind::Float;
         }
         columns.push(TableColumn { column, empty: !met.text && !met.number });
-        codes.push(own);
+        codes.push(file_names);
     }
     Ok((columns, codes))
 }

@@ -37,7 +37,7 @@ pub struct ClockInfo {
 impl ClockInfo {
     /// Clock of a file, with the settings on which all files of the call agree.
     pub(crate) fn new(path: &Path, clock: Clock, names: &[&str], agreed: &Agreed) -> Self {
-        let (column, unit_given) = (clock.name.clone(), clock.told());
+        let (column, unit_given) = (clock.name.clone(), clock.given_unit());
         let beside = clock.beside.and_then(|(place, _)| names.get(place)).map(ToString::to_string);
         let is_number = unit_given.is_some() || !clock.readings().is_empty();
         let (unit, assumed, open) = match clock.settle(path, agreed, &Selection::default()) {

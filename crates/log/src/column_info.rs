@@ -58,7 +58,7 @@ pub struct ColumnStatistics {
 /// `kind`, and of text the `names` of its values where they are known.
 fn kind<S: Serializer>(kind: &ColumnKind, to: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told<'a> {
+    struct Named<'a> {
         kind: &'a str,
         names: Option<&'a [String]>,
     }
@@ -68,5 +68,5 @@ fn kind<S: Serializer>(kind: &ColumnKind, to: S) -> Result<S::Ok, S::Error> {
         ColumnKind::Boolean => ("boolean", None),
         ColumnKind::Category(names) => ("text", Some(names.as_slice()).filter(|names| !names.is_empty())),
     };
-    Told { kind, names }.serialize(to)
+    Named { kind, names }.serialize(to)
 }

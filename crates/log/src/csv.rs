@@ -43,7 +43,7 @@ pub(crate) fn describe(path: &Path, compression: Compression, agreed: &Agreed) -
     let (mut head, _) = head::open(path, compression)?;
     head.follow(&agreed.orders);
     let clock = choose(&head, &TimeSpec::Auto);
-    if let Some(Clock { name, column, beside: None, unit: ClockUnit::Told(_) | ClockUnit::Guessed(_), .. }) = &clock
+    if let Some(Clock { name, column, beside: None, unit: ClockUnit::Given(_) | ClockUnit::Guessed(_), .. }) = &clock
         && let Some(zeros) = head.lost_zeros(*column, TimeUnit::Seconds)
     {
         head.notes.push(zeros.note(name));

@@ -211,14 +211,14 @@ pub enum Error {
         path: PathBuf,
     },
     /// A text row with the wrong number of fields.
-    #[error("{}:{line}: {found} fields where the header has {expected}; mend the line, or quote fields that contain the delimiter `{delimiter}`", path.display())]
+    #[error("{}:{line}: {fields} fields where the header has {expected}; mend the line, or quote fields that contain the delimiter `{delimiter}`", path.display())]
     RaggedRow {
         /// The file.
         path: PathBuf,
         /// The line, from 1.
         line: u64,
         /// Fields found.
-        found: usize,
+        fields: usize,
         /// Fields of the header.
         expected: usize,
         /// The delimiter in use.

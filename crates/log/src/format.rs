@@ -83,7 +83,7 @@ impl Format {
     }
 
     /// The format of a file that was found, not named: files of many programs end in `.bin` and `.log`, so that their first bytes decide.
-    pub fn found(path: &Path) -> Option<Self> {
+    pub fn detect(path: &Path) -> Option<Self> {
         let format = Self::of(path)?;
         match format {
             Self::Dataflash(compression) => {

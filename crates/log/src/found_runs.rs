@@ -37,12 +37,12 @@ impl FoundRuns {
             return None;
         }
         let named: Vec<Named<'_>> = first.iter().map(|info| Named::of(&info.path, folder)).collect::<Option<_>>()?;
-        let words: BTreeSet<&str> = named.iter().map(|own| own.word).collect();
+        let words: BTreeSet<&str> = named.iter().map(|named_file| named_file.word).collect();
         let mut patterns: Vec<(String, String)> = Vec::new();
         for Named { folders: below, name, word, ending } in &named {
             let place = below.iter().map(|part| format!("{part}/")).collect::<String>();
             let within = Path::new(&place).join(name);
-            let everywhere = folders.keys().all(|folder| infos.iter().any(|own| own.path == folder.join(&within)));
+            let everywhere = folders.keys().all(|folder| infos.iter().any(|info| info.path == folder.join(&within)));
             let place = glob::Pattern::escape(&place);
             let pattern = match everywhere {
                 true => format!("{place}{}", glob::Pattern::escape(name)),

@@ -223,9 +223,9 @@ fn inspect_by(path: &Path, agreed: &Agreed) -> Result<FileInfo, Error> {
 /// Bytes of a file, or of all files of a recording's folder.
 fn size(path: &Path) -> Result<u64, Error> {
     let io = |source| Error::Io { path: path.into(), action: "read", source };
-    let own = std::fs::metadata(path).map_err(io)?;
-    if !own.is_dir() {
-        return Ok(own.len());
+    let file_metadata = std::fs::metadata(path).map_err(io)?;
+    if !file_metadata.is_dir() {
+        return Ok(file_metadata.len());
     }
     let mut bytes = 0;
     for entry in std::fs::read_dir(path).map_err(io)? {

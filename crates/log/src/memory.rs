@@ -170,7 +170,7 @@ pub(crate) fn clock(table: &dyn MemoryTable, spec: &TimeSpec) -> Option<Clock> {
     let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
     let clock = time_column::choose(&candidates, &|column| sample(table, column), spec)?;
     let unit = match (table.time_unit(clock.column), clock.unit) {
-        (Some(unit), _) => ClockUnit::Told(unit),
+        (Some(unit), _) => ClockUnit::Given(unit),
         (None, ClockUnit::Guessed(readings)) if clock.kind == CandidateKind::Float && may_be_seconds(&readings) => {
             ClockUnit::Seconds(readings)
         }

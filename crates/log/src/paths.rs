@@ -73,7 +73,7 @@ fn collect_folder(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) ->
         }
         if path.is_dir() {
             collect_folder(&path, depth + 1, paths)?;
-        } else if Format::found(&path).is_some() {
+        } else if Format::detect(&path).is_some() {
             paths.insert(path);
         }
     }
@@ -120,7 +120,7 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
             path.map_err(|failure| Error::Io { path: failure.path().into(), action: "list", source: failure.into() })?;
         if path.is_dir() {
             collect_folder(&path, 1, &mut paths)?;
-        } else if Format::found(&path).is_some() {
+        } else if Format::detect(&path).is_some() {
             paths.insert(path);
         } else {
             unknown = Some(path);

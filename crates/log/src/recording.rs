@@ -137,7 +137,7 @@ pub(crate) fn open_agreed(
     let opened = parallel_map(logs.len(), progress, |i| {
         let opened = match &logs[i] {
             Log::Run(run) => {
-                let open = |path: &Path, own: &Selection| {
+                let open = |path: &Path, asked: &Selection| {
                     let opened = open_file(path, &[], asked, agreed, &budget, &cache, &inner)?;
                     index_file(path, &opened, asked, &inner)?;
                     Ok(opened)

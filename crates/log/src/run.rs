@@ -282,9 +282,9 @@ mod tests {
     fn a_folder_is_a_run_however_deep_its_files_lie() {
         let files = ["r/2/imu_7.csv", "r/2/odom/data.csv", "r/1/imu.csv", "r/1/odom/data.csv", "r/1/plots/sum.csv"];
         let (runs, others) = group(&files, &[("imu", "imu*.csv"), ("odom", "odom/*.csv")]).unwrap();
-        let found: Vec<(&str, &str)> =
+        let files_of_run: Vec<(&str, &str)> =
             runs.iter().map(|run| (run.folder.to_str().unwrap(), run.files[0].1.to_str().unwrap())).collect();
-        assert_eq!(found, [("r/1", "r/1/imu.csv"), ("r/2", "r/2/imu_7.csv")]);
+        assert_eq!(files_of_run, [("r/1", "r/1/imu.csv"), ("r/2", "r/2/imu_7.csv")]);
         assert_eq!(runs[1].files[1], ("odom".into(), "r/2/odom/data.csv".into()));
         assert_eq!(others, [Path::new("r/1/plots/sum.csv")]);
         // The folder that the command runs in, by its name.

@@ -58,7 +58,7 @@ pub(crate) struct Clock {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum ClockUnit {
     /// A unit that is known from the caller, the name, the file or the type of the column.
-    Told(TimeUnit),
+    Given(TimeUnit),
     /// Possible units of its numbers.
     Guessed(Vec<Reading>),
     /// Seconds, as numerical libraries count time, although its numbers may be all of these.
@@ -139,8 +139,8 @@ pub(crate) fn choose(candidates: &[Candidate], sampler: Sampler<'_>, spec: &Time
     };
     let unit_given = given.or_else(|| names::named(&candidate.name, candidate.unit.as_deref()).unit);
     let unit = match (candidate.kind, unit_given) {
-        (_, Some(unit)) => ClockUnit::Told(unit),
-        (CandidateKind::Time | CandidateKind::Other, None) => ClockUnit::Told(TimeUnit::Nanoseconds),
+        (_, Some(unit)) => ClockUnit::Given(unit),
+        (CandidateKind::Time | CandidateKind::Other, None) => ClockUnit::Given(TimeUnit::Nanoseconds),
         (CandidateKind::Float | CandidateKind::Integer, None) => ClockUnit::Guessed(units::readings(&sampler(column))),
     };
     Some(Clock {
@@ -167,7 +167,7 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
     let (dates, times): (Vec<usize>, Vec<usize>) =
         (kinds(CandidateKind::Time).filter(is_date).collect(), kinds(CandidateKind::Time).filter(is_time).collect());
     if let (&[date], &[time]) = (&dates[..], &times[..]) {
-        let unit = ClockUnit::Told(TimeUnit::Nanoseconds);
+        let unit = ClockUnit::Given(TimeUnit::Nanoseconds);
         let beside = Some((time, TimeUnit::Nanoseconds));
         let name = candidates[date].name.clone();
         let gps_weeks = false;
@@ -189,7 +189,7 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
             column,
             beside: Some((nanoseconds, TimeUnit::Nanoseconds)),
             gps_weeks: false,
-            unit: ClockUnit::Told(TimeUnit::Seconds),
+            unit: ClockUnit::Given(TimeUnit::Seconds),
             kind: CandidateKind::Integer,
             chosen: Chosen::Name,
         }),
@@ -226,7 +226,7 @@ fn in_gps_weeks(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
         column: week,
         beside: Some((time, unit)),
         gps_weeks: true,
-        unit: ClockUnit::Told(TimeUnit::Seconds),
+        unit: ClockUnit::Given(TimeUnit::Seconds),
         kind: CandidateKind::Integer,
         chosen: Chosen::Name,
     })
@@ -324,9 +324,9 @@ impl Clock {
     }
 
     /// The unit of its numbers where the file, a name or the caller tells it; dates have none.
-    pub(crate) fn told(&self) -> Option<TimeUnit> {
+    pub(crate) fn given_unit(&self) -> Option<TimeUnit> {
         match self.unit {
-            ClockUnit::Told(unit) if self.kind != CandidateKind::Time => Some(unit),
+            ClockUnit::Given(unit) if self.kind != CandidateKind::Time => Some(unit),
             _ => None,
         }
     }
@@ -334,7 +334,7 @@ impl Clock {
     /// Possible units of its numbers; empty if the unit is known.
     pub(crate) fn readings(&self) -> &[Reading] {
         match &self.unit {
-            ClockUnit::Told(_) => &[],
+            ClockUnit::Given(_) => &[],
             ClockUnit::Guessed(readings) | ClockUnit::Seconds(readings) => readings,
         }
     }
@@ -361,7 +361,7 @@ impl Clock {
         // Rows whose order alone counts need no seconds.
         let by_order = matches!(selection.time, TimeSpec::Dispensable { .. }) && selection.max_gap == MaxGap::Auto;
         let (unit, reason) = match (&self.unit, reading) {
-            (ClockUnit::Told(unit), _) => (*unit, None),
+            (ClockUnit::Given(unit), _) => (*unit, None),
             (_, Some(reading)) if agreed.is_some() => (reading.unit, Some("the only unit that fits all files")),
             (ClockUnit::Seconds(_), Some(_)) => (TimeUnit::Seconds, None),
             (_, Some(reading)) if readings.len() == 1 => (reading.unit, Some("no other unit fits")),

@@ -25,12 +25,13 @@ pub(super) fn of_other_file(place: &str, column: &str, info: &FileInfo, logs: &L
     if info.format.is_log() || !info.topics.is_empty() {
         return None;
     }
-    let names = |info: &FileInfo| info.columns.iter().map(|own| own.name.clone()).collect::<Vec<_>>();
+    let names = |info: &FileInfo| info.columns.iter().map(|its_column| its_column.name.clone()).collect::<Vec<_>>();
     let first = names(info);
     // But for the clock.
     let has_alone = |path: &PathBuf| {
-        let own = inspect(path).map_or_else(|_| Vec::new(), |info| names(&info));
-        own.iter().any(|name| name == column) && own.iter().filter(|name| first.contains(name)).count() < 2
+        let names_there = inspect(path).map_or_else(|_| Vec::new(), |info| names(&info));
+        names_there.iter().any(|name| name == column)
+            && names_there.iter().filter(|name| first.contains(name)).count() < 2
     };
     let is_beside = |path: &PathBuf| {
         let is_table = Format::of(path).is_some_and(|format| !format.is_log());
@@ -47,7 +48,8 @@ pub(super) fn of_other_file(place: &str, column: &str, info: &FileInfo, logs: &L
 /// The error of opening; where a file has none of the columns that are read, with what joins it to the others.
 pub(super) fn of_no_column(error: fleetfoot_log::Error, recipe: &Recipe, columns: &[String], files: usize) -> Error {
     let fleetfoot_log::Error::MissingColumn { path, column, .. } = &error else { return error.into() };
-    let has_one = || inspect(path).map_or(true, |info| info.columns.iter().any(|own| columns.contains(&own.name)));
+    let has_one =
+        || inspect(path).map_or(true, |info| info.columns.iter().any(|its_column| columns.contains(&its_column.name)));
     if !recipe.files.is_empty() || files < 2 || has_one() {
         return error.into();
     }

@@ -116,8 +116,8 @@ pub(crate) fn explained(error: RecipeError, info: Option<&FileInfo>, logs: &Logs
     let is_run = !info.format.is_log() && !info.topics.is_empty();
     let named = |error: RecipeError| match error {
         RecipeError::UnknownColumn { place, name, candidates } => {
-            if let Some(told) = of_other_file(&place, &name, info, logs) {
-                return told;
+            if let Some(note) = of_other_file(&place, &name, info, logs) {
+                return note;
             }
             RecipeError::UnknownColumn { place: format!("{}: {place}", info.path.display()), name, candidates }.into()
         }

@@ -17,7 +17,7 @@ impl Dataset {
     pub fn trained(&self, model: &Model) -> BTreeSet<usize> {
         let trained: HashSet<&str> = model.training.episodes.iter().map(|known| known.id.as_str()).collect();
         let whole = |episode: &usize| trained.contains(self.episodes()[*episode].id.to_string().as_str());
-        let parts = self.watch.iter().flat_map(Watch::found);
+        let parts = self.watch.iter().flat_map(Watch::seen);
         (0..self.episodes().len()).filter(whole).chain(parts).collect()
     }
 

@@ -125,26 +125,26 @@ impl Dataset {
     fn read_raw(
         &self,
         episode: usize,
-        found: &Found,
+        raw_log: &Found,
         names: &BTreeSet<String>,
         opened: &mut Option<OpenedRaw>,
         rows: &mut MeasuredRows,
         progress: &dyn Progress,
     ) -> Result<bool, Error> {
-        let raw = match opened.take().filter(|raw| raw.serves(found, names)) {
+        let raw = match opened.take().filter(|raw| raw.serves(raw_log, names)) {
             Some(raw) => raw,
-            None => OpenedRaw::new(found, names, progress)?,
+            None => OpenedRaw::new(raw_log, names, progress)?,
         };
         let raw = opened.insert(raw);
         let info = &self.episodes()[episode];
         let block = self.source.read(episode, 0..info.rows, Halo::default())?;
-        let seconds: Vec<f64> = block.time.iter().map(|stamp| (stamp - found.raw.start) as f64 * 1e-9).collect();
+        let seconds: Vec<f64> = block.time.iter().map(|stamp| (stamp - raw_log.raw.start) as f64 * 1e-9).collect();
         let mut any = false;
-        for (name, series) in raw.series(&found.raw)? {
+        for (name, series) in raw.series(&raw_log.raw)? {
             let Some(place) = self.source.column_index(name) else { continue };
             let value = |second: &f64| {
-                let found = series.iter().map(|own| own.at(*second)).find(|value| !value.is_nan());
-                found.unwrap_or(f64::NAN)
+                let sample = series.iter().map(|sample_series| sample_series.at(*second)).find(|value| !value.is_nan());
+                sample.unwrap_or(f64::NAN)
             };
             let values: Vec<f64> = seconds.iter().map(value).collect();
             any |= values.iter().any(|value| value.is_finite());

@@ -103,12 +103,12 @@ impl StatisticFile {
     /// # Errors
     /// [`StatisticError::OtherPlan`].
     pub fn refuse_difference(
-        own: &str,
+        plan_text: &str,
         wanted: &str,
         units: Vec<(String, String)>,
         [left, right]: [&str; 2],
     ) -> Result<(), Error> {
-        let lines = difference(own, wanted, units);
+        let lines = difference(plan_text, wanted, units);
         if lines.is_empty() {
             return Ok(());
         }
@@ -128,16 +128,16 @@ fn columns_text(columns: &[ColumnRecord]) -> String {
 
 /// Columns whose units are known on both sides and differ.
 fn units(left: &[ColumnRecord], right: &[ColumnRecord]) -> Vec<(String, String)> {
-    let mut found = Vec::new();
+    let mut differing = Vec::new();
     for one in left {
         let other = right.iter().find(|other| other.name == one.name).and_then(|other| other.unit.as_ref());
         if let (Some(a), Some(b)) = (&one.unit, other)
             && a != b
         {
-            found.push((format!("column {} [{a}]", one.name), format!("column {} [{b}]", one.name)));
+            differing.push((format!("column {} [{a}]", one.name), format!("column {} [{b}]", one.name)));
         }
     }
-    found
+    differing
 }
 
 /// The lines of `left` (`-`) that are not in `right`, and the other way round (`+`); empty when the texts agree.

@@ -65,9 +65,9 @@ impl EquationStatistic {
             .map_err(|error| Error::value(error.to_string()))?
         {
             if !matches!(one, Specification::Null | Specification::Average) {
-                let mut own = all[0].clone();
-                own.model.partition = Some(one.to_string());
-                all.push(own);
+                let mut first_recipe = all[0].clone();
+                first_recipe.model.partition = Some(one.to_string());
+                all.push(first_recipe);
             }
         }
         Ok(all)

@@ -83,7 +83,8 @@ pub(super) fn table(path: &Path, map: Arc<Map>) -> Result<ArrayTable, Error> {
     let rows = common(arrays.iter().filter_map(|array| array.shape.first().copied())).unwrap_or(0);
     let (columns, others): (Vec<Array>, Vec<Array>) =
         arrays.into_iter().partition(|array| array.shape.first() == Some(&rows));
-    let others: Vec<String> = others.iter().map(|own| format!("{} ({})", own.name, own.dimensions())).collect();
+    let others: Vec<String> =
+        others.iter().map(|other_array| format!("{} ({})", other_array.name, other_array.dimensions())).collect();
     notes.extend(left_out(&damaged, "they are damaged"));
     notes.extend(left_out(&strange, "they are not arrays of numbers"));
     notes.extend(left_out(&others, &format!("they do not have {rows} rows")));
@@ -106,7 +107,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
     let end = tail + memchr::memmem::rfind(bytes.get(tail..)?, END)?;
     let (mut count, mut at) = (number::<2>(bytes, end + 10)?, place(number::<4>(bytes, end + 16))?);
     if let Some(locator) =
-        end.checked_sub(20).filter(|&at| bytes.get(at..).is_some_and(|own| own.starts_with(LOCATOR64)))
+        end.checked_sub(20).filter(|&at| bytes.get(at..).is_some_and(|rest| rest.starts_with(LOCATOR64)))
     {
         let end = place(number::<8>(bytes, locator + 8))?;
         if bytes.get(end..)?.starts_with(END64) {
@@ -121,12 +122,12 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
         let field = |offset: usize| number::<4>(bytes, at + offset);
         let length = |offset: usize| place(number::<2>(bytes, at + offset));
         let (name, extra, comment) = (length(28)?, length(30)?, length(32)?);
-        let own = bytes.get(at + 46..at + 46 + name)?;
+        let name_bytes = bytes.get(at + 46..at + 46 + name)?;
         let mut sizes = [field(24)?, field(20)?, field(42)?];
         wide(bytes.get(at + 46 + name..at + 46 + name + extra)?, &mut sizes);
         let [unpacked, packed, head] = sizes;
         all.push(Entry {
-            name: String::from_utf8_lossy(own).into_owned(),
+            name: String::from_utf8_lossy(name_bytes).into_owned(),
             method: number::<2>(bytes, at + 10)? as u16,
             sum: field(16)? as u32,
             packed: place(Some(packed))?,

@@ -40,8 +40,8 @@ fn every_number_of_arrays() {
     let truth = fs::read_to_string(fixture("truth.jsonl")).unwrap();
     let mut numbers = 0;
     for line in truth.lines() {
-        let told: serde_json::Value = serde_json::from_str(line).unwrap();
-        let (name, columns) = (told["file"].as_str().unwrap(), told["columns"].as_object().unwrap());
+        let expected: serde_json::Value = serde_json::from_str(line).unwrap();
+        let (name, columns) = (expected["file"].as_str().unwrap(), expected["columns"].as_object().unwrap());
         let names: Vec<&str> = columns.keys().map(String::as_str).collect();
         let listed = inspect(fixture(name)).unwrap();
         let mut columns_read: Vec<&str> = listed
@@ -54,7 +54,7 @@ fn every_number_of_arrays() {
         assert_eq!(columns_read, names, "{name}");
         let selection = Selection { time: TimeSpec::Uniform { dt_seconds: 1.0 }, ..Selection::new(names) };
         let recording = open(&[fixture(name)], &selection).unwrap();
-        let rows = told["rows"].as_u64().unwrap() as usize;
+        let rows = expected["rows"].as_u64().unwrap() as usize;
         let block = recording.read(0, 0..rows, Halo::default()).unwrap();
         for (place, (column, values)) in columns.iter().enumerate() {
             for (row, value) in values.as_array().unwrap().iter().enumerate() {

@@ -58,11 +58,11 @@ pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Sl
     let mut hasher = blake3::Hasher::new();
     hasher.update(VERSION.as_bytes()).update(env!("CARGO_PKG_VERSION").as_bytes());
     for file in files {
-        let mut own = blake3::Hasher::new();
+        let mut hash = blake3::Hasher::new();
         fs::File::open(file)
-            .and_then(|mut opened| std::io::copy(&mut opened, &mut own))
+            .and_then(|mut opened| std::io::copy(&mut opened, &mut hash))
             .map_err(|source| Error::Io { path: file.clone(), action: "read", source })?;
-        hasher.update(own.finalize().as_bytes());
+        hasher.update(hash.finalize().as_bytes());
     }
     let join = &selection.join;
     let asked = (

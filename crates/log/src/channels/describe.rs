@@ -62,9 +62,9 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
         container.pieces(),
         progress,
         |piece| {
-            let mut own: BTreeMap<usize, Counted> = BTreeMap::new();
+            let mut by_topic: BTreeMap<usize, Counted> = BTreeMap::new();
             container.read_piece(piece, &wanted, &mut |topic, _, _, data| {
-                let counted = own.entry(topic).or_default();
+                let counted = by_topic.entry(topic).or_default();
                 match codecs[topic].map(|codec| codec.value(data)) {
                     Some(Ok(value)) => {
                         counted.read += 1;
@@ -74,13 +74,13 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
                 }
                 Ok(())
             })?;
-            Ok::<_, Error>(own)
+            Ok::<_, Error>(by_topic)
         },
-        |own| {
-            for (topic, own) in own {
+        |by_topic| {
+            for (topic, part) in by_topic {
                 let all = &mut trees[topic];
-                all.tree.merge(own.tree);
-                (all.read, all.failed) = (all.read + own.read, all.failed + own.failed);
+                all.tree.merge(part.tree);
+                (all.read, all.failed) = (all.read + part.read, all.failed + part.failed);
             }
             Ok(())
         },

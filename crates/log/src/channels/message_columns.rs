@@ -91,10 +91,10 @@ impl Messages {
         fields: Option<&[String]>,
         progress: &dyn Progress,
     ) -> Result<MessageColumns, Error> {
-        let found = self.fields(topic, progress)?;
-        let of = |name: &String| found.iter().find(|(field_name, _)| field_name == name).cloned();
+        let of_topic = self.fields(topic, progress)?;
+        let of = |name: &String| of_topic.iter().find(|(field_name, _)| field_name == name).cloned();
         let wanted: Vec<(String, ColumnKind)> = match fields {
-            None => found.clone(),
+            None => of_topic.clone(),
             Some(names) => {
                 names.iter().map(|name| of(name).unwrap_or_else(|| (name.clone(), ColumnKind::Float))).collect()
             }

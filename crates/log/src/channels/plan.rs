@@ -236,7 +236,7 @@ impl Builder<'_> {
 
     fn field(&mut self, used: usize, path: &FieldPath) -> usize {
         let fields = &mut self.fields[used];
-        fields.iter().position(|own| own == path).unwrap_or_else(|| {
+        fields.iter().position(|path_of_field| path_of_field == path).unwrap_or_else(|| {
             fields.push(path.clone());
             fields.len() - 1
         })
@@ -308,9 +308,9 @@ impl Builder<'_> {
             }
             slots.push(has_number.then(|| self.field(used, &field)));
         }
-        let told =
+        let given_unit =
             || (0..self.used.len()).find_map(|used| clock::unit_of(slots[used].map(|_| &self.samples[used])?, &field));
-        let Some(taken) = unit.or_else(told) else {
+        let Some(taken) = unit.or_else(given_unit) else {
             let problem = format!(
                 "`{field}` does not advance like the log's clock: give its unit ({TIME_UNIT}), or another clock"
             );

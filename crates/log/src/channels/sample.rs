@@ -39,13 +39,13 @@ pub(super) fn sample(
     progress: &dyn Progress,
 ) -> Result<Vec<Sample>, Error> {
     let pieces = places(container, topics);
-    let mut found: Vec<Vec<Message>> = topics.iter().map(|_| Vec::new()).collect();
+    let mut by_place: Vec<Vec<Message>> = topics.iter().map(|_| Vec::new()).collect();
     for part in parallel_map(pieces.len(), progress, |i| look(container, pieces[i], topics))? {
-        part.into_iter().for_each(|(place, part_messages)| found[place].extend(part_messages));
+        part.into_iter().for_each(|(place, part_messages)| by_place[place].extend(part_messages));
     }
     let rest = (0..container.pieces()).filter(|piece| !pieces.contains(piece)).take(SEARCH);
     for piece in rest {
-        let missing: Vec<usize> = (0..topics.len()).filter(|&t| found[t].is_empty()).collect();
+        let missing: Vec<usize> = (0..topics.len()).filter(|&t| by_place[t].is_empty()).collect();
         if missing.is_empty() || missing.iter().all(|&t| container.topics()[topics[t]].count == Some(0)) {
             break;
         }
@@ -55,9 +55,9 @@ pub(super) fn sample(
         }
         look(container, piece, &wanted)?
             .into_iter()
-            .for_each(|(place, part_messages)| found[missing[place]].extend(part_messages));
+            .for_each(|(place, part_messages)| by_place[missing[place]].extend(part_messages));
     }
-    Ok(topics.iter().zip(found).map(|(&topic, messages)| judge(container, topic, messages)).collect())
+    Ok(topics.iter().zip(by_place).map(|(&topic, messages)| judge(container, topic, messages)).collect())
 }
 
 /// The pieces that may have messages of one of these topics.
@@ -93,10 +93,10 @@ fn places(container: &dyn Container, topics: &[usize]) -> Vec<usize> {
 /// The first messages of the topics in a piece, by the places of those that it has.
 fn look(container: &dyn Container, piece: usize, topics: &[usize]) -> Result<Vec<(usize, Vec<Message>)>, Error> {
     let places: HashMap<usize, usize> = topics.iter().enumerate().map(|(place, &topic)| (topic, place)).collect();
-    let mut found: BTreeMap<usize, (usize, Vec<Message>)> = BTreeMap::new();
+    let mut read_messages: BTreeMap<usize, (usize, Vec<Message>)> = BTreeMap::new();
     container.read_piece(piece, topics, &mut |topic, log_time, _, data| {
         if let Some(&place) = places.get(&topic) {
-            let (bytes, messages) = found.entry(place).or_default();
+            let (bytes, messages) = read_messages.entry(place).or_default();
             if messages.is_empty() || (messages.len() < MESSAGES && *bytes + data.len() <= BYTES) {
                 *bytes += data.len();
                 messages.push(Message { log_time, data: data.to_vec() });
@@ -104,7 +104,7 @@ fn look(container: &dyn Container, piece: usize, topics: &[usize]) -> Result<Vec
         }
         Ok(())
     })?;
-    Ok(found.into_iter().map(|(place, (_, messages))| (place, messages)).collect())
+    Ok(read_messages.into_iter().map(|(place, (_, messages))| (place, messages)).collect())
 }
 
 fn judge(container: &dyn Container, topic: usize, messages: Vec<Message>) -> Sample {

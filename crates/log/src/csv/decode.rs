@@ -307,11 +307,11 @@ impl Plan<'_> {
         line_of(self.path, self.compression, self.head.skipped + offset, is_skipped)
     }
 
-    fn ragged(&self, offset: u64, found: usize) -> Error {
+    fn ragged(&self, offset: u64, fields: usize) -> Error {
         Error::RaggedRow {
             path: self.path.into(),
             line: self.line(offset),
-            found,
+            fields,
             expected: self.head.columns.len(),
             delimiter: self.head.delimiter.shown(),
         }

@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::{TimeUnit, stamp};
 
-    fn found(stamps: &[String]) -> Option<Fractions> {
+    fn recognised(stamps: &[String]) -> Option<Fractions> {
         Fractions::of(stamps.iter().map(String::as_bytes), |cell| stamp::parse_decimal(cell, TimeUnit::Seconds))
     }
 
@@ -111,7 +111,7 @@ mod tests {
                 let stamps = clock(rate, 60_001);
                 let lost = |ns: &i64| format!("{}.{}", ns / 1_000_000_000, ns % 1_000_000_000 / scale);
                 let texts: Vec<String> = stamps.iter().map(lost).collect();
-                let fractions = found(&texts).unwrap();
+                let fractions = recognised(&texts).unwrap();
                 assert_eq!(fractions.width, width, "{rate} Hz");
                 for (text, ns) in texts.iter().zip(&stamps) {
                     let mended = stamp::parse_decimal(&fractions.mend(text.as_bytes()).unwrap(), TimeUnit::Seconds);
@@ -120,14 +120,14 @@ mod tests {
                 // The same stamps as they should be, with all digits and without zeros at the end.
                 let padded = |ns: &i64| format!("{}.{:0width$}", ns / 1_000_000_000, ns % 1_000_000_000 / scale);
                 let trimmed = |ns: &i64| padded(ns).trim_end_matches('0').trim_end_matches('.').to_owned();
-                assert_eq!(found(&stamps.iter().map(padded).collect::<Vec<_>>()), None);
-                assert_eq!(found(&stamps.iter().map(trimmed).collect::<Vec<_>>()), None);
+                assert_eq!(recognised(&stamps.iter().map(padded).collect::<Vec<_>>()), None);
+                assert_eq!(recognised(&stamps.iter().map(trimmed).collect::<Vec<_>>()), None);
             }
         }
         // No fraction begins with a zero, and some are short, but the steps are even as they stand.
         let eighths: Vec<String> = (0..80).map(|k| format!("{}", 48.0 + f64::from(k) / 8.0)).collect();
-        assert_eq!(found(&eighths), None);
+        assert_eq!(recognised(&eighths), None);
         let begin: Vec<String> = (0..400).map(|k| format!("{}", 0.125 + f64::from(k) / 1000.0)).collect();
-        assert_eq!(found(&begin), None);
+        assert_eq!(recognised(&begin), None);
     }
 }

@@ -57,7 +57,7 @@ impl DataflashContainer {
 
 /// The topics sorted by name, and for each that was found its place among them.
 fn topics(scan: &Scan) -> (Vec<Topic>, Vec<usize>) {
-    let names_of_topics = &scan.topics.found;
+    let names_of_topics = &scan.topics.topic_names;
     let mut counts = vec![0; names_of_topics.len()];
     for (topic, span) in scan.pieces.iter().flat_map(|piece| &piece.topics) {
         if let Some(count) = counts.get_mut(*topic) {

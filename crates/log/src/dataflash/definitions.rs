@@ -52,11 +52,15 @@ impl Definitions {
             }
             "FMTU" => {
                 let (kind, units, factors) = (byte("FmtType"), text("UnitIds"), text("MultIds"));
-                let own = kind.and_then(|kind| self.formats.all.get_mut(usize::from(kind))?.as_mut());
-                if let Some(own) = own {
-                    own.units = units.unwrap_or_default().into_bytes();
-                    own.factors = factors.unwrap_or_default().into_bytes();
-                    own.instance = own.units.iter().position(|&unit| unit == INSTANCE).and_then(|place| own.at(place));
+                let format_of_kind = kind.and_then(|kind| self.formats.all.get_mut(usize::from(kind))?.as_mut());
+                if let Some(format_of_kind) = format_of_kind {
+                    format_of_kind.units = units.unwrap_or_default().into_bytes();
+                    format_of_kind.factors = factors.unwrap_or_default().into_bytes();
+                    format_of_kind.instance = format_of_kind
+                        .units
+                        .iter()
+                        .position(|&unit| unit == INSTANCE)
+                        .and_then(|place| format_of_kind.at(place));
                 }
             }
             "UNIT" => {

@@ -124,7 +124,7 @@ fn packed(format: &Format, values: &str, wanted: usize) -> Option<Vec<u8>> {
             b'a' => {
                 let inside = value.trim_start_matches('[').trim_end_matches(']').split(',');
                 let numbers = inside.map(|number| number.trim().parse::<i16>().ok());
-                let numbers: Vec<i16> = numbers.collect::<Option<_>>().filter(|own: &Vec<i16>| own.len() == 32)?;
+                let numbers: Vec<i16> = numbers.collect::<Option<_>>().filter(|list: &Vec<i16>| list.len() == 32)?;
                 bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
             }
             _ => return None,

@@ -49,7 +49,7 @@ pub(super) struct Scan {
 #[derive(Debug, Default)]
 pub(super) struct Topics {
     /// For each the type and the name.
-    pub(super) found: Vec<(u8, String)>,
+    pub(super) topic_names: Vec<(u8, String)>,
     /// By type, of which few have more than one byte that tells instances apart.
     places: Vec<Places>,
 }
@@ -70,7 +70,7 @@ impl Topics {
         if let Some(number_of_topic) = self.of(kind, format, payload) {
             return Some(number_of_topic);
         }
-        if self.found.len() >= MAX_TOPICS {
+        if self.topic_names.len() >= MAX_TOPICS {
             return None;
         }
         let key = key(format, payload);
@@ -80,7 +80,7 @@ impl Topics {
             |number_of_topic| format!("/{}.{number_of_topic}", format.name),
         );
         self.places.resize_with(256, Places::default);
-        let (number_of_topic, topic) = (self.places.get_mut(usize::from(kind))?, self.found.len());
+        let (number_of_topic, topic) = (self.places.get_mut(usize::from(kind))?, self.topic_names.len());
         match key {
             [] => number_of_topic.only = Some(topic),
             [instance] => {
@@ -89,7 +89,7 @@ impl Topics {
             }
             key => drop(number_of_topic.others.insert(key.to_vec(), topic)),
         }
-        self.found.push((kind, name));
+        self.topic_names.push((kind, name));
         Some(topic)
     }
 }
@@ -113,8 +113,10 @@ fn instance(bytes: &[u8], field: Field) -> Option<String> {
         b'n' | b'N' | b'Z' => text_in(bytes),
         letter => number_in(bytes, letter)?,
     };
-    let text: String =
-        text.chars().map(|own| if own.is_ascii_alphanumeric() || "_-".contains(own) { own } else { '_' }).collect();
+    let text: String = text
+        .chars()
+        .map(|symbol| if symbol.is_ascii_alphanumeric() || "_-".contains(symbol) { symbol } else { '_' })
+        .collect();
     (!text.is_empty()).then_some(text)
 }
 

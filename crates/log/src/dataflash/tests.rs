@@ -107,7 +107,7 @@ fn files_of_others_are_refused_and_left_out_of_folders() {
         fs::write(&path, bytes).unwrap();
         let message = inspect(&path).unwrap_err().to_string();
         assert!(message.contains(name) && message.contains("no ArduPilot") && message.contains(word), "{message}");
-        assert_eq!((Format::found(&path), Format::of(&path).is_some()), (None, true));
+        assert_eq!((Format::detect(&path), Format::of(&path).is_some()), (None, true));
     }
     assert!(matches!(paths([folder.path()]), Err(Error::EmptyFolder { .. })));
     // A pattern that catches nothing else leaves the reason to opening.

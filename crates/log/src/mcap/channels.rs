@@ -131,7 +131,7 @@ impl Definitions {
     pub(super) fn explain(&self, pieces: &[Piece]) -> bool {
         let mut used = pieces.iter().filter_map(|piece| piece.counts.as_ref()).flatten();
         used.all(|(channel, _)| self.channels.contains_key(channel))
-            && self.channels.values().all(|own| self.has_schema_of(own))
+            && self.channels.values().all(|known_channel| self.has_schema_of(known_channel))
     }
 
     /// Looks into chunks for definitions that are nowhere else.
@@ -139,7 +139,7 @@ impl Definitions {
     /// A channel is defined before its first message. Where indexes tell in which chunk that is, only those chunks are decompressed;
     /// when that does not explain every channel, all are.
     pub(super) fn scan(&mut self, file: &[u8], pieces: &[Piece], progress: &dyn Progress) -> Result<(), Error> {
-        let known = self.channels.iter().filter(|(_, own)| self.has_schema_of(own));
+        let known = self.channels.iter().filter(|(_, known_channel)| self.has_schema_of(known_channel));
         let mut seen: BTreeSet<u16> = known.map(|(&id, _)| id).collect();
         let firsts: Option<Vec<usize>> = pieces.iter().enumerate().try_fold(Vec::new(), |mut firsts, (i, piece)| {
             let fresh = piece.counts.as_ref()?.iter().filter(|(channel, _)| seen.insert(*channel)).count();

@@ -68,15 +68,15 @@ impl BagContainer {
 
 /// The topics, sorted by name, with the place of each connection among them.
 fn topics(scan: &Scan) -> (Vec<Topic>, BTreeMap<u32, usize>) {
-    let names: BTreeSet<&str> = scan.connections.values().map(|own| own.topic.as_str()).collect();
+    let names: BTreeSet<&str> = scan.connections.values().map(|connection| connection.topic.as_str()).collect();
     let places: BTreeMap<&str, usize> = names.iter().enumerate().map(|(place, name)| (*name, place)).collect();
-    let topic_of = scan.connections.iter().map(|(id, own)| (*id, places[own.topic.as_str()])).collect();
+    let topic_of = scan.connections.iter().map(|(id, connection)| (*id, places[connection.topic.as_str()])).collect();
     let topics = names.iter().map(|name| {
-        let mut own = scan.connections.iter().filter(|(_, connection)| connection.topic == *name);
-        let (first_id, first) = own.next()?;
+        let mut of_name = scan.connections.iter().filter(|(_, connection)| connection.topic == *name);
+        let (first_id, first) = of_name.next()?;
         let mut ids = vec![*first_id];
         let mut problem = None;
-        for (id, connection) in own {
+        for (id, connection) in of_name {
             ids.push(*id);
             if connection.schema != first.schema {
                 problem = Some(contradiction(first, connection));

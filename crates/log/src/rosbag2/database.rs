@@ -107,7 +107,7 @@ impl DatabaseContainer {
             table: messages,
         };
         let (topics, topic_of) = topics(&database, &table("topics")?).map_err(|column| lacks("topics", column))?;
-        let mut own = Self {
+        let mut opened = Self {
             messages,
             topics,
             topic_of,
@@ -119,9 +119,9 @@ impl DatabaseContainer {
             lost: Mutex::default(),
             database,
         };
-        own.find_pieces(progress)?;
-        own.database.release();
-        Ok(own)
+        opened.find_pieces(progress)?;
+        opened.database.release();
+        Ok(opened)
     }
 
     /// Groups the leaves of the table of messages into pieces.

@@ -36,7 +36,7 @@ fn a_recording_that_needs_no_clock_takes_one_by_its_name_or_for_the_order_of_row
 fn a_name_goes_before_values() {
     let clock = chosen(&[("x", Float, &RISING), ("Time_ns", Integer, &RISING), ("label", Other, &[])], &TimeSpec::Auto);
     let clock = clock.unwrap();
-    assert_eq!((clock.column, clock.unit, clock.chosen), (1, ClockUnit::Told(TimeUnit::Nanoseconds), Chosen::Name));
+    assert_eq!((clock.column, clock.unit, clock.chosen), (1, ClockUnit::Given(TimeUnit::Nanoseconds), Chosen::Name));
     let all = [("count", Integer, &[0.0, 1.0, 2.0][..]), ("x", Float, &FALLING), ("when", Time, &RISING)];
     let clock = chosen(&all, &TimeSpec::Auto).unwrap();
     assert_eq!((clock.column, clock.chosen), (2, Chosen::Values));
@@ -91,7 +91,10 @@ fn what_does_not_rise_or_is_not_the_only_one_is_no_clock() {
     let parts: [Given<'_>; 2] =
         [("stamp.sec", Integer, &[5.0, 5.0, 6.0]), ("stamp.nanosec", Integer, &[0.0, 5e8, 0.0])];
     let both = chosen(&parts, &TimeSpec::Auto).unwrap();
-    assert_eq!((both.column, both.beside, both.told()), (0, Some((1, TimeUnit::Nanoseconds)), Some(TimeUnit::Seconds)));
+    assert_eq!(
+        (both.column, both.beside, both.given_unit()),
+        (0, Some((1, TimeUnit::Nanoseconds)), Some(TimeUnit::Seconds))
+    );
     // A column of its own goes before.
     assert_eq!(column(&[("Date", Time, &date), ("Time", Time, &of_day), ("t", Float, &RISING)]), Some(2));
 }

@@ -57,7 +57,7 @@ impl UlogContainer {
 
 /// The topics that have messages, sorted by name, and for each that was found its place among them.
 fn topics(scan: &Scan) -> (Vec<Topic>, Vec<Option<usize>>) {
-    let described = scan.definitions.found();
+    let described = scan.definitions.topics();
     let mut counts = scan.unreadable.clone();
     counts.resize(described.len(), 0);
     for (topic, span) in scan.pieces.iter().flat_map(|piece| &piece.topics) {

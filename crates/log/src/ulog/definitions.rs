@@ -99,7 +99,7 @@ pub(super) struct Definitions {
     described: BTreeMap<String, Result<Arc<Described>, String>>,
     /// Bytes of definitions that may still be copied.
     budget: usize,
-    found: Vec<Found>,
+    topics: Vec<Found>,
     topics: BTreeMap<(String, u8), usize>,
     channels: Vec<Channel>,
     /// The channels that each number has stood for, in the order of the file.
@@ -113,7 +113,7 @@ impl Default for Definitions {
             formats: BTreeMap::new(),
             described: BTreeMap::new(),
             budget: MAX_DEFINITIONS,
-            found: Vec::new(),
+            topics: Vec::new(),
             topics: BTreeMap::new(),
             channels: Vec::new(),
             by_id: vec![Vec::new(); LOGGED_TAGGED + 1],
@@ -129,8 +129,8 @@ impl Default for Definitions {
 
 impl Definitions {
     /// The subscriptions.
-    pub(super) fn found(&self) -> &[Found] {
-        &self.found
+    pub(super) fn topics(&self) -> &[Found] {
+        &self.topics
     }
 
     /// The channel of a message with a time, and its bytes.
@@ -182,8 +182,8 @@ impl Definitions {
         let (format, instance) = key.clone();
         let topic = *self.topics.entry(key).or_insert_with(|| {
             let name = if instance == 0 { format!("/{format}") } else { format!("/{format}.{instance}") };
-            self.found.push(Found { name, format, described: described() });
-            self.found.len() - 1
+            self.topics.push(Found { name, format, described: described() });
+            self.topics.len() - 1
         });
         let Some(subscription) = self.by_id.get_mut(id) else { return };
         if subscription
@@ -193,7 +193,7 @@ impl Definitions {
         {
             return;
         }
-        let described = self.found.get(topic).and_then(|found| found.described.as_ref().ok().cloned());
+        let described = self.topics.get(topic).and_then(|found| found.described.as_ref().ok().cloned());
         subscription.push(self.channels.len());
         self.channels.push(Channel { topic, from, described });
     }

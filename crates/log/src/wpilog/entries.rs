@@ -33,7 +33,7 @@ struct Started {
 /// All entries.
 #[derive(Debug, Default)]
 pub(super) struct Entries {
-    found: Vec<Found>,
+    topics: Vec<Found>,
     by_name: HashMap<String, usize>,
     /// The entries that each number has stood for, in the order of the file.
     by_id: HashMap<u32, Vec<Started>>,
@@ -58,12 +58,12 @@ fn size(kind: &str) -> Option<(usize, bool)> {
 impl Entries {
     /// The name of a topic among those found.
     pub(super) fn name(&self, topic: usize) -> &str {
-        self.found.get(topic).map_or("", |topic_there| topic_there.name.as_str())
+        self.topics.get(topic).map_or("", |topic_there| topic_there.name.as_str())
     }
 
     /// Number of topics, with or without values.
     pub(super) fn len(&self) -> usize {
-        self.found.len()
+        self.topics.len()
     }
 
     fn started(&self, record: &Record<'_>) -> Option<Started> {
@@ -83,7 +83,7 @@ impl Entries {
             return Control::parse(record.payload).map(drop).ok_or("a malformed record about entries");
         }
         let started = self.started(record).ok_or("a value of an entry that was not started")?;
-        let kind = started.topic.and_then(|topic| self.found.get(topic)).map(|topic_there| topic_there.kind.as_str());
+        let kind = started.topic.and_then(|topic| self.topics.get(topic)).map(|topic_there| topic_there.kind.as_str());
         let fits = match kind.and_then(size) {
             Some((size, false)) => record.payload.len() == size,
             Some((size, true)) => record.payload.len().is_multiple_of(size),
@@ -127,7 +127,7 @@ impl Entries {
     }
 
     fn set_metadata(&mut self, topic: Option<usize>, metadata: &str) {
-        if let Some(topic_there) = topic.and_then(|topic| self.found.get(topic)).filter(|_| !metadata.is_empty()) {
+        if let Some(topic_there) = topic.and_then(|topic| self.topics.get(topic)).filter(|_| !metadata.is_empty()) {
             self.metadata.insert(format!("metadata {}", topic_there.name), metadata.to_owned());
         }
     }
@@ -135,14 +135,14 @@ impl Entries {
     fn find(&mut self, name: &str, kind: &str) -> usize {
         let name = if name.starts_with('/') { name.to_owned() } else { format!("/{name}") };
         if let Some(&topic) = self.by_name.get(&name) {
-            if let Some(topic_there) = self.found.get_mut(topic).filter(|topic_there| topic_there.kind != kind) {
+            if let Some(topic_there) = self.topics.get_mut(topic).filter(|topic_there| topic_there.kind != kind) {
                 topic_there.other = Some(kind.to_owned());
             }
             return topic;
         }
-        self.by_name.insert(name.clone(), self.found.len());
-        self.found.push(Found { name, kind: kind.to_owned(), other: None });
-        self.found.len() - 1
+        self.by_name.insert(name.clone(), self.topics.len());
+        self.topics.push(Found { name, kind: kind.to_owned(), other: None });
+        self.topics.len() - 1
     }
 
     /// The topics at these places among those found, each with its count of values.
@@ -150,7 +150,7 @@ impl Entries {
         let mut budget = MAX_SCHEMAS;
         places
             .iter()
-            .filter_map(|&(place, count)| Some(self.topic(self.found.get(place)?, count, &mut budget)))
+            .filter_map(|&(place, count)| Some(self.topic(self.topics.get(place)?, count, &mut budget)))
             .collect()
     }
 

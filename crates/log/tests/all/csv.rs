@@ -185,7 +185,7 @@ fn wrong_cells_and_ragged_rows_name_the_line() {
     // Too many fields are never a cut line.
     assert!(matches!(
         open_one(&folder.file("e.csv", "t_s,x\n0,1\n1,2,3"), &["x"]),
-        Err(Error::RaggedRow { line: 3, found: 3, .. })
+        Err(Error::RaggedRow { line: 3, fields: 3, .. })
     ));
 }
 

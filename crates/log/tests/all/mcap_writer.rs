@@ -17,7 +17,7 @@ fn peer() -> Option<OsString> {
 
 /// A message as the peer tells it.
 #[derive(Debug, PartialEq)]
-struct Told {
+struct PeerMessage {
     topic: String,
     kind: String,
     log_time: i64,
@@ -27,7 +27,7 @@ struct Told {
     fields: Vec<[String; 3]>,
 }
 
-fn read_with_peer(python: &OsString, file: &Path) -> Vec<Told> {
+fn read_with_peer(python: &OsString, file: &Path) -> Vec<PeerMessage> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_with_peer.py");
     let output = Command::new(python).arg(script).arg(file).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -38,7 +38,7 @@ fn read_with_peer(python: &OsString, file: &Path) -> Vec<Told> {
         .map(|line| {
             let parsed: serde_json::Value = serde_json::from_str(line).unwrap();
             let fields = parsed["fields"].as_array().unwrap();
-            Told {
+            PeerMessage {
                 topic: text(&parsed["topic"]),
                 kind: text(&parsed["type"]),
                 log_time: parsed["log_time"].as_i64().unwrap(),
@@ -86,7 +86,7 @@ impl Fields {
 /// A file being written and what must be read from it.
 struct Sender {
     writer: McapWriter,
-    sent: Vec<Told>,
+    sent: Vec<PeerMessage>,
 }
 
 impl Sender {
@@ -97,7 +97,7 @@ impl Sender {
         self.writer.write(channel, log_time, publish_time, message).unwrap();
         let sequence = self.sent.iter().filter(|sent| sent.topic == topic).count() as u64;
         let (topic, kind) = (topic.to_owned(), M::NAME.to_owned());
-        self.sent.push(Told { topic, kind, log_time, publish_time, sequence, fields: fields.0 });
+        self.sent.push(PeerMessage { topic, kind, log_time, publish_time, sequence, fields: fields.0 });
     }
 
     /// One message of every type.
@@ -281,7 +281,7 @@ fn another_reader_finds_an_overlay() {
             .leaf("name[1]", "text", "yaw")
             .floats("position", &[row as f64 / 3.0, f64::NAN]);
         let log_time = 1_000_000_007 * row + 5;
-        let expected = Told {
+        let expected = PeerMessage {
             topic: topic.to_owned(),
             kind: JointState::NAME.to_owned(),
             log_time,

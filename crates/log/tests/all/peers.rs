@@ -19,7 +19,7 @@ use std::{
 use fleetfoot_data::{Silent, Source};
 use fleetfoot_log::{Messages, Selection, open};
 use hold::{Held, hold};
-use oracle::{Told, python, read_logs, truth, write_logs};
+use oracle::{PeerLog, python, read_logs, truth, write_logs};
 
 use crate::outside::data;
 
@@ -36,7 +36,7 @@ fn file_name(path: &Path) -> &str {
     path.file_name().unwrap().to_str().unwrap()
 }
 
-fn told<'a>(all: &'a BTreeMap<String, Told>, path: &Path) -> &'a Told {
+fn log_of<'a>(all: &'a BTreeMap<String, PeerLog>, path: &Path) -> &'a PeerLog {
     all.get(file_name(path)).unwrap_or_else(|| panic!("the decoders tell nothing of {}", path.display()))
 }
 
@@ -45,7 +45,7 @@ fn every_number_of_the_logs_of_other_writers() {
     let Some(python) = python() else { return };
     let folder = write_logs(&python);
     let all = files(folder.path());
-    let told_all = read_logs(&python, &all, false);
+    let peer_logs = read_logs(&python, &all, false);
     let (mut held, mut by_truth) = (Held::default(), 0);
     for path in all.iter().filter(|path| file_name(path) != "odd_channels.mcap") {
         let damaged = ["truncated", "corrupt"].iter().any(|word| file_name(path).starts_with(word));
@@ -55,9 +55,9 @@ fn every_number_of_the_logs_of_other_writers() {
                 hold(path, &truth, damaged)
             }
             None => {
-                let told = told(&told_all, path);
-                assert_eq!(told.damage, None, "{}", path.display());
-                hold(path, &told.topics, false)
+                let peer = log_of(&peer_logs, path);
+                assert_eq!(peer.damage, None, "{}", path.display());
+                hold(path, &peer.topics, false)
             }
         };
         if file_name(path).starts_with("idl_mutable") {
@@ -95,12 +95,12 @@ fn elements_of_long_arrays_are_read_when_named() {
     let Some(python) = python() else { return };
     let folder = write_logs(&python);
     let path = folder.path().join("ros2_zstd.mcap");
-    let told_all = read_logs(&python, std::slice::from_ref(&path), true);
-    let told = told(&told_all, &path);
-    let camera = told.topics.iter().find(|topic| topic.name == "/camera").unwrap();
+    let peer_logs = read_logs(&python, std::slice::from_ref(&path), true);
+    let peer = log_of(&peer_logs, &path);
+    let camera = peer.topics.iter().find(|topic| topic.name == "/camera").unwrap();
     let pixels = camera.columns.iter().filter(|(name, _)| name.starts_with("data[")).count();
     assert_eq!(pixels, 10_000);
-    let held = hold(&path, &told.topics, false);
+    let held = hold(&path, &peer.topics, false);
     assert_eq!(held.differences, [""; 0]);
     assert!(held.numbers > pixels * camera.messages, "{held:?}");
 }
@@ -110,8 +110,8 @@ fn what_cannot_be_read_is_refused_and_the_rest_is_read() {
     let Some(python) = python() else { return };
     let folder = write_logs(&python);
     let path = folder.path().join("odd_channels.mcap");
-    let told_all = read_logs(&python, std::slice::from_ref(&path), false);
-    let held = hold(&path, &told(&told_all, &path).topics, false);
+    let peer_logs = read_logs(&python, std::slice::from_ref(&path), false);
+    let held = hold(&path, &log_of(&peer_logs, &path).topics, false);
     assert_eq!(held.differences, [""; 0]);
     let expected = [
         ("/no_schema", &["cdr", "schema"][..]),
@@ -149,9 +149,9 @@ fn a_recording_in_several_files_is_read_in_the_order_of_its_metadata() {
         let bag = folder.path().join(bag);
         let parts = files(&bag);
         assert_eq!(parts.len(), 3);
-        let told_all = read_logs(&python, &parts, false);
+        let peer_logs = read_logs(&python, &parts, false);
         // The order of the parts is that of their messages, which is not that of the alphabet.
-        let mut parts: Vec<&Told> = told_all.values().collect();
+        let mut parts: Vec<&PeerLog> = peer_logs.values().collect();
         parts.sort_by_key(|part| part.topics.iter().flat_map(|topic| topic.log_time.first()).min().copied());
         let mut whole: Vec<oracle::Topic> = Vec::new();
         for topic in parts.iter().flat_map(|part| &part.topics) {
@@ -185,12 +185,12 @@ fn real_logs() -> Option<Vec<PathBuf>> {
 fn every_number_of_real_logs() {
     let (Some(python), Some(paths)) = (python(), real_logs()) else { return };
     assert!(!paths.is_empty());
-    let told_all = read_logs(&python, &paths, false);
+    let peer_logs = read_logs(&python, &paths, false);
     let mut held = Held::default();
     for path in &paths {
-        let told = told(&told_all, path);
-        assert_eq!(told.damage, None, "{}", path.display());
-        let own = hold(path, &told.topics, false);
+        let peer = log_of(&peer_logs, path);
+        assert_eq!(peer.damage, None, "{}", path.display());
+        let of_file = hold(path, &peer.topics, false);
         let expected: &[(&str, &str)] = match file_name(path) {
             "only_services.mcap" => &[("/add_two_ints/_service_event", "AddTwoInts_Event` is missing")],
             "topics_and_services.mcap" => &[
@@ -200,14 +200,14 @@ fn every_number_of_real_logs() {
             "wrong_rmw_test_0.mcap" => &[("/array_topic", "wrong_format"), ("/test_topic", "wrong_format")],
             _ => &[],
         };
-        let refused: Vec<&str> = own.refused.keys().map(String::as_str).collect();
+        let refused: Vec<&str> = of_file.refused.keys().map(String::as_str).collect();
         assert_eq!(refused, expected.iter().map(|(topic, _)| *topic).collect::<Vec<_>>(), "{}", path.display());
-        for ((_, message), (topic, word)) in own.refused.iter().zip(expected) {
+        for ((_, message), (topic, word)) in of_file.refused.iter().zip(expected) {
             assert!(message.contains(word) && message.contains(topic), "{message}");
             assert!(message.contains(file_name(path)), "{message}");
         }
-        eprintln!("{}: {} messages, {} numbers equal", file_name(path), own.messages, own.numbers);
-        held.add(own);
+        eprintln!("{}: {} messages, {} numbers equal", file_name(path), of_file.messages, of_file.numbers);
+        held.add(of_file);
     }
     assert_eq!(held.differences, [""; 0]);
     assert!(held.numbers > 0);

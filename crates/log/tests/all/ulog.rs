@@ -97,12 +97,12 @@ fn lossy(with_dropouts: bool) -> Ulog {
 #[test]
 fn dropouts_are_gaps() {
     let scrap = Scrap::new();
-    let (plain, told) = (scrap.write("plain.ulg", &lossy(false)), scrap.write("told.ulg", &lossy(true)));
+    let (plain, dropouts) = (scrap.write("plain.ulg", &lossy(false)), scrap.write("told.ulg", &lossy(true)));
     let selection = Selection::new(["/gyro.x", "/gyro.1.x", "/gyro.2.x"]);
     // Two lost samples are bridged where nothing is said about them.
     let recording = open(&[&plain], &selection).unwrap();
     assert_eq!(recording.episodes().len(), 1);
-    let recording = open(&[&told], &selection).unwrap();
+    let recording = open(&[&dropouts], &selection).unwrap();
     assert_eq!(recording.episodes().iter().map(|episode| episode.rows).collect::<Vec<_>>(), [49, 49]);
     let note = recording.notes().join("\n");
     assert!(note.contains("1 dropout of 0.02 s") && note.contains("gaps"), "{note}");
@@ -114,10 +114,10 @@ fn dropouts_are_gaps() {
     // The slow one goes on.
     assert!(!rows(&recording, 2)[1][0].is_nan());
     let unlimited = Selection { max_gap: MaxGap::Unlimited, ..selection };
-    assert_eq!(open(&[&told], &unlimited).unwrap().episodes().len(), 1, "who wants no gaps gets none");
+    assert_eq!(open(&[&dropouts], &unlimited).unwrap().episodes().len(), 1, "who wants no gaps gets none");
     let mut even = unlimited;
     even.join.base = Some(Base::Rate(100.0));
-    assert_eq!(open(&[&told], &even).unwrap().episodes().len(), 1);
+    assert_eq!(open(&[&dropouts], &even).unwrap().episodes().len(), 1);
 }
 
 #[test]

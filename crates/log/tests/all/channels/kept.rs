@@ -72,13 +72,13 @@ fn another_question_has_its_own_columns() {
     let (selection, folder) = cached(&log);
     log.open(&selection);
     let changes: [fn(&mut Selection); 6] = [
-        |own| own.columns.truncate(2),
-        |own| own.join.stamp = Some(Stamp::Log),
-        |own| own.join.base = Some(Base::Channel("/force".into())),
-        |own| own.join.reorder_seconds = 0.2,
-        |own| own.join.renames = vec![("/odometry".into(), "/nothing".into())],
-        |own| {
-            own.join.columns.insert("/force.vector.x".into(), fleetfoot_log::ColumnJoin::default());
+        |choice| choice.columns.truncate(2),
+        |choice| choice.join.stamp = Some(Stamp::Log),
+        |choice| choice.join.base = Some(Base::Channel("/force".into())),
+        |choice| choice.join.reorder_seconds = 0.2,
+        |choice| choice.join.renames = vec![("/odometry".into(), "/nothing".into())],
+        |choice| {
+            choice.join.columns.insert("/force.vector.x".into(), fleetfoot_log::ColumnJoin::default());
         },
     ];
     for (place, change) in changes.iter().enumerate() {

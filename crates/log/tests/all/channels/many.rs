@@ -38,7 +38,7 @@ fn a_log_of_many_topics_takes_time_by_their_number() {
         let info = inspect(&path).unwrap();
         assert_eq!((info.topics.len(), info.columns.len()), (usize::from(TOPICS), usize::from(TOPICS)), "{name}");
         let info = inspect_values(&path, &fleetfoot_data::Silent).unwrap();
-        let largest = info.columns.iter().filter_map(|column| column.statistics.as_ref()).map(|own| own.max);
+        let largest = info.columns.iter().filter_map(|column| column.statistics.as_ref()).map(|known| known.max);
         assert_eq!(largest.fold(0.0, f64::max), f64::from(TOPICS - 1), "{name}");
         assert!(begin.elapsed() < SOON, "{name}: {:?}", begin.elapsed());
     }

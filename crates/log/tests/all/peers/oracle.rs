@@ -24,7 +24,7 @@ pub(crate) struct Topic {
 
 /// A file as a decoder reports it.
 #[derive(Debug, Default)]
-pub(crate) struct Told {
+pub(crate) struct PeerLog {
     pub(crate) topics: Vec<Topic>,
     /// Error that ended the reading, if the file is damaged.
     pub(crate) damage: Option<String>,
@@ -43,15 +43,15 @@ pub(crate) fn write_logs(python: &OsStr) -> tempfile::TempDir {
 }
 
 /// Reports of the decoders on some files, by the names of the files; with `long`, long arrays too.
-pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeMap<String, Told> {
+pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeMap<String, PeerLog> {
     let option: &[&OsStr] = if long { &[OsStr::new("--long")] } else { &[] };
     let arguments: Vec<&OsStr> = option.iter().copied().chain(files.iter().map(|file| file.as_os_str())).collect();
     read_lines(&run(python, "read_logs.py", &arguments))
 }
 
 /// Reports in the lines, by the names of the files.
-pub(crate) fn read_lines(lines: &str) -> BTreeMap<String, Told> {
-    let mut by_file: BTreeMap<String, Told> = BTreeMap::new();
+pub(crate) fn read_lines(lines: &str) -> BTreeMap<String, PeerLog> {
+    let mut by_file: BTreeMap<String, PeerLog> = BTreeMap::new();
     for line in lines.lines() {
         let json: serde_json::Value = serde_json::from_str(line).unwrap();
         let file = by_file.entry(json["file"].as_str().unwrap().to_owned()).or_default();

@@ -12,7 +12,7 @@ use fleetfoot_log::Messages;
 
 use super::{
     hold::hold,
-    oracle::{Told, read_lines, run},
+    oracle::{PeerLog, read_lines, run},
 };
 use crate::outside::data;
 
@@ -20,7 +20,7 @@ fn python() -> Option<OsString> {
     crate::outside::python("rosbags.highlevel, numpy")
 }
 
-fn read(python: &OsStr, path: &Path) -> Told {
+fn read(python: &OsStr, path: &Path) -> PeerLog {
     let lines = run(python, "read_rosbags.py", &[path.as_os_str()]);
     read_lines(&lines).into_values().next().unwrap_or_default()
 }

@@ -11,17 +11,17 @@ use fleetfoot_log::{Messages, metadata};
 
 use super::{
     hold::{Held, hold},
-    oracle::{Told, read_lines, run},
+    oracle::{PeerLog, read_lines, run},
 };
 use crate::{outside, ulog_writer::flight};
 
 /// Report of pyulog on a file: its topics and its metadata.
-fn told(python: &std::ffi::OsStr, path: &Path) -> (Told, serde_json::Value) {
+fn read_peer(python: &std::ffi::OsStr, path: &Path) -> (PeerLog, serde_json::Value) {
     let text = run(python, "read_ulogs.py", &[path.as_os_str()]);
     let (lines, about) = text.trim_end().rsplit_once('\n').unwrap();
     let about: serde_json::Value = serde_json::from_str(about).unwrap();
-    let mut told: BTreeMap<String, Told> = read_lines(lines);
-    (told.pop_first().unwrap().1, about["about"].clone())
+    let mut peer: BTreeMap<String, PeerLog> = read_lines(lines);
+    (peer.pop_first().unwrap().1, about["about"].clone())
 }
 
 /// The number of a text that metadata holds is that of Python, both rounded to four bytes where they are parameters.
@@ -99,8 +99,8 @@ fn hold_texts(path: &Path, about: &serde_json::Value) -> usize {
 }
 
 fn hold_file(python: &std::ffi::OsStr, path: &Path) -> Held {
-    let (told, about) = told(python, path);
-    let held = hold(path, &told.topics, false);
+    let (peer, about) = read_peer(python, path);
+    let held = hold(path, &peer.topics, false);
     let (values, texts) = (hold_about(path, &about), hold_texts(path, &about));
     let Held { topics, messages, numbers, .. } = held;
     eprintln!(
