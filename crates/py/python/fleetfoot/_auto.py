@@ -133,31 +133,31 @@ def auto(
     True
     """
     dataset = open_data(data, recipe=recipe)
-    own = _recipe.of_toml(dataset.recipe)
+    file_recipe = _recipe.of_toml(dataset.recipe)
     for name in states or ():
-        own.setdefault("states", {}).setdefault(name, {})
+        file_recipe.setdefault("states", {}).setdefault(name, {})
     for name in inputs or ():
-        own.setdefault("inputs", {}).setdefault(name, {})
+        file_recipe.setdefault("inputs", {}).setdefault(name, {})
     said = _recipe.said(effort=effort, horizon=horizon)
-    own = _recipe.say({"auto": said} if said else {}, own)
+    file_recipe = _recipe.say({"auto": said} if said else {}, file_recipe)
     with reporting(progress) as callback:
-        model, linear, told, text = _core.auto(
+        model, linear, report, text = _core.auto(
             dataset._core,
-            _recipe.to_json(own),
+            _recipe.to_json(file_recipe),
             None if output is None else os.fspath(output),
             force,
             export_c,
             callback,
         )
-    if told["warning"]:
-        warn(told["warning"])
+    if report["warning"]:
+        warn(report["warning"])
     names = ("sentences", "warning", "chosen", "candidates", "tested", "horizon", "split", "findings", "outside", "diverged")
     return Auto(
-        notes=told["notes"],
+        notes=report["notes"],
         model=Model(model),
         linear=None if linear is None else Model(linear),
         recipe=text,
-        **{name: told[name] for name in names},
+        **{name: report[name] for name in names},
     )
 
 

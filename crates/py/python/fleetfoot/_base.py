@@ -99,8 +99,8 @@ def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1, sparse
             "ensure_min_samples": min_samples,
             "accept_sparse": "csr" if sparse else False,
         }
-        found: NDArray[Any] = _validate(estimator, X, reset=reset, **options)
-        return found
+        validated: NDArray[Any] = _validate(estimator, X, reset=reset, **options)
+        return validated
     plain: NDArray[Any] = _plain.validate_data(estimator, X, reset=reset, ensure_min_samples=min_samples)
     return plain
 

@@ -163,8 +163,8 @@ class BlockSparse(Identifier):
         self.influence = influence
         super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
-    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
-        return TASKS if self.tasks else super()._predicts(own)
+    def _predicts(self, base: Mapping[str, Any] | None = None) -> str:
+        return TASKS if self.tasks else super()._predicts(base)
 
     def _own_recipe(self) -> dict[str, Any]:
         lam = self._said("lam")
@@ -194,10 +194,10 @@ class BlockSparse(Identifier):
         return recipe
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
-        found = _core.fit(
+        fitted = _core.fit(
             "sparse", data, recipe, by=self.by, influence=bool(self.influence), cache=self.cache, progress=progress
         )
-        models = [(value, Model(model), report) for value, model, report, _ in found]
+        models = [(value, Model(model), report) for value, model, report, _ in fitted]
         self.models_ = {value: model for value, model, _ in models if value is not None}
         self.reports_ = {value: report for value, _, report in models if value is not None}
         _, model, report = models[0]
@@ -223,12 +223,12 @@ class BlockSparse(Identifier):
         candidates = self._candidates()
         if latent is not None or any(one != candidates[0] for one in candidates):
             return super().coefficients(latent=latent, region=region)
-        found = np.zeros((len(candidates), len(candidates[0])))
-        for row, one in zip(found, self.report_["latents"]):
+        table = np.zeros((len(candidates), len(candidates[0])))
+        for row, one in zip(table, self.report_["latents"]):
             names = super().get_feature_names(one["name"])
             kept = dict(zip(names, super().coefficients(latent=one["name"], region=region)))
             row[:] = [kept.get(name, 0.0) for name in candidates[0]]
-        return found
+        return table
 
 
 def _text(lam: float | str) -> str:

@@ -236,8 +236,8 @@ class Bolasso(MultiOutputMixin, LinearModel):
         check_is_fitted(self)
         if not indices:
             return self.support_
-        found = [np.flatnonzero(row) for row in np.atleast_2d(self.support_)]
-        return found if self.support_.ndim > 1 else found[0]
+        supports = [np.flatnonzero(row) for row in np.atleast_2d(self.support_)]
+        return supports if self.support_.ndim > 1 else supports[0]
 
     def resampling_counts(self) -> NDArray[np.float64]:
         """Counts of draws of every row in every replicate (n_estimators, n_samples).

@@ -168,10 +168,10 @@ class Call:
         targets = array_runs(_values(self.y), "y")
         if len(targets) != len(tables):
             raise ValueError(f"y has {len(targets)} runs and x has {len(tables)}; give as many")
-        for at, (table, own) in enumerate(zip(tables, targets)):
-            if len(own) != table.rows:
-                raise ValueError(f"y of run {at} has {len(own)} rows and x has {table.rows}; give as many")
-        new = [table.joined(predicts, vector(own)) for table, own in zip(tables, targets)]
+        for at, (table, target) in enumerate(zip(tables, targets)):
+            if len(target) != table.rows:
+                raise ValueError(f"y of run {at} has {len(target)} rows and x has {table.rows}; give as many")
+        new = [table.joined(predicts, vector(target)) for table, target in zip(tables, targets)]
         return replace(self, x=new if isinstance(self.x, (list, tuple)) else new[0], y=None)
 
     def _of_tables(self, tables: list[Frame], predicts: str, time: Mapping[str, Any]) -> Call:
@@ -336,13 +336,13 @@ def _clock(t: Any) -> Any:
 
 def _values(given: Any) -> Any:
     """Arrays in the place of tables and series."""
-    found = frames(given)
-    if found is None:
+    tables = frames(given)
+    if tables is None:
         return given
     many = isinstance(given, (list, tuple))
     arrays = [
-        one.column(one.names[0]) if _is_series(own) else one.matrix(one.signals())
-        for one, own in zip(found, given if many else [given])
+        one.column(one.names[0]) if _is_series(values) else one.matrix(one.signals())
+        for one, values in zip(tables, given if many else [given])
     ]
     return arrays if many else arrays[0]
 

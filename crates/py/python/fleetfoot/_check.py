@@ -101,11 +101,11 @@ def check(data: Any, *, recipe: Any = None, progress: Progress = None) -> Checke
     dataset = open_data(data, recipe=recipe)
     text = _recipe.to_json(_recipe.of_toml(dataset.recipe))
     with reporting(progress) as callback:
-        found: dict[str, Any] = _core.check(dataset._core, text, callback)
-    tell_all(found.pop("notes"))
-    findings = [Finding(**one) for one in found.pop("findings")]
+        checked: dict[str, Any] = _core.check(dataset._core, text, callback)
+    tell_all(checked.pop("notes"))
+    findings = [Finding(**one) for one in checked.pop("findings")]
     names = ("channels", "files", "episodes", "rows", "period")
-    return Checked(findings=findings, **{name: found[name] for name in names})
+    return Checked(findings=findings, **{name: checked[name] for name in names})
 
 
 __all__ = ["Checked", "Finding", "check"]

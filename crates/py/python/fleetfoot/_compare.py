@@ -89,7 +89,7 @@ class Comparison:
             for row in [header, *lines]
         ]
         text.append(self._below())
-        text += [f"in-sample: {name} was trained on {len(own)} of these" for name, own in self.in_sample.items() if own]
+        text += [f"in-sample: {name} was trained on {len(used)} of these" for name, used in self.in_sample.items() if used]
         return "\n".join(text + self.notes)
 
     def _below(self) -> str:
@@ -229,49 +229,51 @@ def compare(
         if baseline in named:
             raise ValueError(f"{baseline!r} is the name of a baseline; call the model otherwise")
     dataset = open_data(data, recipe=recipe)
-    own = {name: model for name, model in named.items() if _is_model(model)}
-    if not own:
+    candidates = {name: model for name, model in named.items() if _is_model(model)}
+    if not candidates:
         raise ValueError(
             "models has functions alone; give one fleetfoot model as well, which says what the targets are and how "
             "they are measured"
         )
     for name, model in named.items():
-        if name not in own and not callable(model):
+        if name not in candidates and not callable(model):
             raise TypeError(f"models[{name!r}] is a {type(model).__name__}; give a model, or a function of (x, u)")
-    found, notes = _rows_of(own, dataset, progress)
+    by_model, notes = _rows_of(candidates, dataset, progress)
     tell_all(notes)
-    first = next(iter(found.values()))
-    predictions = {name: rows["predicted"] for name, rows in found.items()}
+    first = next(iter(by_model.values()))
+    predictions = {name: rows["predicted"] for name, rows in by_model.items()}
     for name, model in named.items():
-        if name not in own:
+        if name not in candidates:
             predictions[name] = _call(name, model, first)
     ordered = [reference] + [name for name in named if name != reference]
-    return replace(_compared(ordered, predictions, first, found, by), notes=notes)
+    return replace(_compared(ordered, predictions, first, by_model, by), notes=notes)
 
 
-def _rows_of(own: dict[str, Any], dataset: Dataset, progress: Progress) -> tuple[dict[str, dict[str, Any]], list[str]]:
+def _rows_of(
+    candidates: dict[str, Any], dataset: Dataset, progress: Progress
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """Predictions of each model for the same targets, and the measured targets if the models differ in them."""
-    found: dict[str, dict[str, Any]] = {}
+    reports: dict[str, dict[str, Any]] = {}
     notes: list[str] = []
-    for name, model in own.items():
+    for name, model in candidates.items():
         with reporting(progress) as callback:
             rows = _core.read_model_rows(model.to_json(), dataset._core, dataset.recipe, callback)
-        if found:
-            first_name, first = next(iter(found.items()))
+        if reports:
+            first_name, first = next(iter(reports.items()))
             if rows["targets"] != first["targets"]:
                 raise ValueError(
                     f"{name} predicts {', '.join(rows['targets'])}, but {first_name} {', '.join(first['targets'])}; "
                     "compare models of the same targets"
                 )
             if not _agree(rows, first):
-                if len(rows["episode"]) != len(first["episode"]) or not _are_differences(model, own[first_name]):
+                if len(rows["episode"]) != len(first["episode"]) or not _are_differences(model, candidates[first_name]):
                     raise ValueError(
                         f"{name} and {first_name} measure their targets otherwise; fit both from the same recipe"
                     )
                 notes.append(f"{name} was fitted to other differences; its targets are measured as {first_name} has them")
                 rows["measured"] = first["measured"]
-        found[name] = rows
-    return found, notes
+        reports[name] = rows
+    return reports, notes
 
 
 def _agree(rows: dict[str, Any], first: dict[str, Any]) -> bool:
@@ -326,11 +328,11 @@ def _compared(
     ordered: Sequence[str],
     predictions: dict[str, Array],
     rows: dict[str, Any],
-    found: dict[str, dict[str, Any]],
+    reports: dict[str, dict[str, Any]],
     by: str,
 ) -> Comparison:
     measured, targets = rows["measured"], tuple(rows["targets"])
-    for other in found.values():
+    for other in reports.values():
         measured = np.where(np.isfinite(measured), measured, other["measured"])
     before = np.full_like(measured, np.nan)
     for start, end in _spans(rows["episode"]):
@@ -359,8 +361,8 @@ def _compared(
             for place in range(len(targets))
         ]
         rmse[name] = np.sqrt(np.column_stack(sums)[kept] / counts[kept, None])
-    trained = {name: set(own["in_sample"]) for name, own in found.items()}
-    episodes = {name: [label for label in rows["episodes"] if label in own] for name, own in trained.items()}
+    trained = {name: set(report["in_sample"]) for name, report in reports.items()}
+    episodes = {name: [label for label in rows["episodes"] if label in labels] for name, labels in trained.items()}
     return Comparison(
         models=names,
         reference=ordered[0],
@@ -423,13 +425,13 @@ def _table(
     table = []
     for name in names:
         for place, target in enumerate(targets):
-            own = rmse[name][:, place]
-            mean, low, high = _mean_interval(own)
+            errors = rmse[name][:, place]
+            mean, low, high = _mean_interval(errors)
             row: dict[str, Any] = {"model": name, "target": target, "rmse": mean, "low": low, "high": high}
             if name == reference:
                 row.update(difference=math.nan, difference_low=math.nan, difference_high=math.nan, better=math.nan)
             else:
-                paired = own - rmse[reference][:, place]
+                paired = errors - rmse[reference][:, place]
                 mean, low, high = _mean_interval(paired)
                 row.update(difference=mean, difference_low=low, difference_high=high, better=float(np.mean(paired < 0)))
             table.append(row)

@@ -150,10 +150,10 @@ class PathCV(LinearModel):
         kept = None if X.shape[0] <= X.shape[1] else whole
         # Rows that stay rows are as large as X: they are made again sooner than kept beside those of the folds.
         del whole
-        errors = [self._errors(folds, found, estimator) for found, estimator in zip(alphas, estimators)]
+        errors = [self._errors(folds, grid, estimator) for grid, estimator in zip(alphas, estimators)]
         self.mse_path_ = np.squeeze(np.array(errors))
         self.alphas_ = np.array(alphas) if given is None and len(ratios) > 1 else alphas[0]
-        means = [found.mean(axis=1) for found in errors]
+        means = [of_ratio.mean(axis=1) for of_ratio in errors]
         best = int(np.argmin([mean.min() for mean in means]))
         self.alpha_ = float(alphas[best][int(np.argmin(means[best]))])
         self._refit(self._whole(design) if kept is None else kept, ratios[best], estimators[best], X.dtype)
@@ -183,8 +183,8 @@ class PathCV(LinearModel):
                 ConvergenceWarning,
                 stacklevel=3,
             )
-        found: NDArray[np.float64] = errors[place]
-        return found
+        fold_errors: NDArray[np.float64] = errors[place]
+        return fold_errors
 
     def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
         solved = whole.solve(
@@ -199,8 +199,8 @@ class PathCV(LinearModel):
 def _routing() -> bool:
     if not HAS_SKLEARN:
         return False
-    found: dict[str, Any] = importlib.import_module("sklearn").get_config()
-    return bool(found.get("enable_metadata_routing", False))
+    config: dict[str, Any] = importlib.import_module("sklearn").get_config()
+    return bool(config.get("enable_metadata_routing", False))
 
 
 def _checked(alphas: Any) -> NDArray[np.float64]:
@@ -210,10 +210,10 @@ def _checked(alphas: Any) -> NDArray[np.float64]:
             raise ParameterError(f"alphas[{index}] must be an instance of float, not {type(alpha).__name__}.")
         if not 0.0 <= float(alpha) < np.inf:
             raise ParameterError(f"alphas[{index}] == {alpha}, must be >= 0.0.")
-    found = np.sort(np.asarray(alphas, dtype=np.float64))[::-1]
-    if found.size == 0:
+    ordered = np.sort(np.asarray(alphas, dtype=np.float64))[::-1]
+    if ordered.size == 0:
         raise ParameterError("alphas is empty: give at least one, or their number")
-    return found
+    return ordered
 
 
 class SharesCV(PathCV):
@@ -223,10 +223,10 @@ class SharesCV(PathCV):
     l1_ratio_: float
 
     def _ratios(self) -> list[float]:
-        found = [float(ratio) for ratio in np.atleast_1d(self.l1_ratio)]
-        if not found or not all(0.0 <= ratio <= 1.0 for ratio in found):
+        ratios = [float(ratio) for ratio in np.atleast_1d(self.l1_ratio)]
+        if not ratios or not all(0.0 <= ratio <= 1.0 for ratio in ratios):
             raise ParameterError(f"l1_ratio is {self.l1_ratio!r}: every share lies in [0, 1]")
-        return found
+        return ratios
 
     def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
         super()._refit(whole, ratio, estimator, dtype)

@@ -150,20 +150,20 @@ def enet_path(
         coefs = np.asarray(coefs, dtype=X.dtype)
         return (alphas_, coefs, gaps, sweeps) if return_n_iter else (alphas_, coefs, gaps)
     if isinstance(wanted, Integral):
-        found = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
+        alphas_found = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
     else:
-        found = _descending(wanted)
+        alphas_found = _descending(wanted)
     options["estimator"] = _core.Estimator.elastic_net(l1_ratio, options["max_iter"])
-    solved = posed.solve(0, found, positive=positive, start=_start(coef_init, X.shape[1]), **options)
+    solved = posed.solve(0, alphas_found, positive=positive, start=_start(coef_init, X.shape[1]), **options)
     coefs = np.asarray(solved.coefs.T, dtype=X.dtype)
     if return_n_iter:
-        return found, coefs, solved.gaps, solved.sweeps
-    return found, coefs, solved.gaps
+        return alphas_found, coefs, solved.gaps, solved.sweeps
+    return alphas_found, coefs, solved.gaps
 
 
 def _descending(alphas: Any) -> NDArray[np.float64]:
-    found: NDArray[np.float64] = np.sort(np.asarray(alphas, dtype=np.float64).reshape(-1))[::-1]
-    return found
+    ordered: NDArray[np.float64] = np.sort(np.asarray(alphas, dtype=np.float64).reshape(-1))[::-1]
+    return ordered
 
 
 def _task_path(

@@ -54,8 +54,8 @@ class Posed(NamedTuple):
         `ConvergenceWarning`."""
         strengths = np.ascontiguousarray(alphas, dtype=np.float64)
         first = None if start is None else np.ascontiguousarray(start, dtype=np.float64)
-        found = self.problems.descend(target, strengths, estimator, positive, first)
-        coefs, intercepts, gaps, relative, sweeps, converged = found
+        solutions = self.problems.descend(target, strengths, estimator, positive, first)
+        coefs, intercepts, gaps, relative, sweeps, converged = solutions
         # A gap of `tol` times the target's mean square is what scikit-learn asks for; the engine asks for more.
         missed = ~converged & ~(relative <= tol)
         if missed.any():

@@ -51,20 +51,20 @@ class Episode:
     labels: dict[str, str] = field(default_factory=dict, hash=False)
 
 
-def matching(found: list[Episode], episodes: Episodes | None, where: Mapping[str, Any] | None) -> set[str]:
+def matching(known: list[Episode], episodes: Episodes | None, where: Mapping[str, Any] | None) -> set[str]:
     """Identities of the episodes that ``episodes`` and ``where`` select."""
     if episodes is None and where is None:
         raise ValueError("neither episodes nor where is given; name the episodes")
-    chosen = {episode.id for episode in found} if episodes is None else _named(found, episodes)
+    chosen = {episode.id for episode in known} if episodes is None else _named(known, episodes)
     for label, value in (where or {}).items():
         values = {value} if isinstance(value, str) or not isinstance(value, Iterable) else set(value)
-        chosen &= _labelled(found, label, {str(one) for one in values})
+        chosen &= _labelled(known, label, {str(one) for one in values})
     return chosen
 
 
-def _named(found: list[Episode], episodes: Episodes) -> set[str]:
+def _named(known: list[Episode], episodes: Episodes) -> set[str]:
     if callable(episodes):
-        return {episode.id for episode in found if episodes(episode)}
+        return {episode.id for episode in known if episodes(episode)}
     asked = [episodes] if isinstance(episodes, (str, Episode)) else list(episodes)
     chosen: set[str] = set()
     for one in asked:
@@ -72,9 +72,9 @@ def _named(found: list[Episode], episodes: Episodes) -> set[str]:
             raise TypeError(f"episodes has a {type(one).__name__}; give names, identities or records")
         text = one.id if isinstance(one, Episode) else one
         digits = text.lower() if len(text) >= _LEAST_DIGITS else None
-        these = {e.id for e in found if e.name == text or (digits is not None and e.id.startswith(digits))}
+        these = {e.id for e in known if e.name == text or (digits is not None and e.id.startswith(digits))}
         if not these:
-            raise StatisticError(f"{text!r} matches no episode; {_nearest(text, [e.name for e in found])}")
+            raise StatisticError(f"{text!r} matches no episode; {_nearest(text, [e.name for e in known])}")
         chosen |= these
     return chosen
 

@@ -51,16 +51,16 @@ class Content:
 
     def feature_names(self, latent: str | None) -> list[str]:
         """Functions of a library, the constant first."""
-        found = self.of_one_library()[0] if latent is None else self.latent(latent)
-        return ["1", *self.features(found)]
+        of_latent = self.of_one_library()[0] if latent is None else self.latent(latent)
+        return ["1", *self.features(of_latent)]
 
     def features(self, latent: dict[str, Any]) -> list[str]:
         """The features of a latent: the functions of its library, then its radial functions or its network's units."""
-        own: list[str] = []
+        names_used: list[str] = []
         for kind, name in (("radial", "radial"), ("network", "unit")):
             if kind in latent:
-                own = [f"{name}{at + 1}" for at in range(len(latent[kind]["weights"][0]))]
-        return [*self.libraries[latent["library"]], *own]
+                names_used = [f"{name}{at + 1}" for at in range(len(latent[kind]["weights"][0]))]
+        return [*self.libraries[latent["library"]], *names_used]
 
     def weights(self, latent: dict[str, Any], region: int) -> list[float]:
         """The coefficients of the features of a latent in a region."""
@@ -72,7 +72,7 @@ class Content:
         latents = self.of_one_library() if latent is None else [self.latent(latent)]
         regions = len(latents[0]["constants"])
         rows = [
-            [[float(found["constants"][region]), *self.weights(found, region)] for found in latents]
+            [[float(one["constants"][region]), *self.weights(one, region)] for one in latents]
             for region in range(regions)
         ]
         return np.array(rows, dtype=float)
@@ -111,7 +111,7 @@ class Content:
         count = len(latent["constants"])
         if count == 1:
             return [f"{left} = {self._sum(latent, 0, precision)}"]
-        names = [found["name"] for found in self.partitions[latent["partition"]]["regions"]]
+        names = [region["name"] for region in self.partitions[latent["partition"]]["regions"]]
         wanted = range(count) if region is None else [_checked(region, count)]
         return [f"region {names[at]}: {left} = {self._sum(latent, at, precision)}" for at in wanted]
 

@@ -170,7 +170,7 @@ def _said(
         return None if named is None else ",".join(f"{name}={field}" for name, field in named.items())
 
     if isinstance(measured, Mapping):
-        sure = [name if own is None else f"{name}={float(own)!r}" for name, own in measured.items()]
+        sure = [name if deviation is None else f"{name}={float(deviation)!r}" for name, deviation in measured.items()]
     else:
         sure = [] if measured is None else names_of(measured)
     starts = (initial or {}).items()

@@ -42,9 +42,9 @@ class Fitted:
 
     if TYPE_CHECKING:
         # Methods of the estimators that this class is a base of.
-        def _predicts(self, own: Mapping[str, Any] | None = None) -> str: ...
+        def _predicts(self, base: Mapping[str, Any] | None = None) -> str: ...
 
-        def _names_columns(self, own: Mapping[str, Any]) -> bool: ...
+        def _names_columns(self, base: Mapping[str, Any]) -> bool: ...
 
         def _derivative(self) -> Any: ...
 
@@ -99,13 +99,13 @@ class Fitted:
         if hasattr(x, "__array__") and not isinstance(x, np.ndarray) and frame(x) is None:
             x = numbers(x, "x")
         if not is_arrays(x) or self._fitted_names is None:
-            found = model.predict(x, u, t, **options)
+            predicted = model.predict(x, u, t, **options)
             # Of one target that was a vector, a table's column.
-            is_column = self._is_flat and len(model.outputs) == 1 and not hasattr(found, "collect")
-            return found[model.outputs[0]] if is_column and frame(x) is not None else found
+            is_column = self._is_flat and len(model.outputs) == 1 and not hasattr(predicted, "collect")
+            return predicted[model.outputs[0]] if is_column and frame(x) is not None else predicted
         self._check_width(x)
-        found = model.predict(*self._placed(model, x, u), t, **options)
-        return found[:, 0] if self._is_flat and found.ndim == 2 and found.shape[1] == 1 else found
+        predicted = model.predict(*self._placed(model, x, u), t, **options)
+        return predicted[:, 0] if self._is_flat and predicted.ndim == 2 and predicted.shape[1] == 1 else predicted
 
     def _check_width(self, x: Any) -> None:
         """Arrays have the columns of the fit."""
@@ -179,7 +179,7 @@ class Fitted:
         **options
             As for :meth:`fleetfoot.Model.score`, which also returns errors of baselines, by episode, with intervals.
         """
-        model, own = self._found(), _recipe.of_anything(self.recipe)
+        model, base = self._found(), _recipe.of_anything(self.recipe)
         features, inputs = self._fitted_names or (None, None)
         if inputs:
             u = runs_in_order(u, inputs, "u")
@@ -187,9 +187,9 @@ class Fitted:
             x_dot = slopes_in_order(x_dot, features)
         names = None if has_lazy(x) else features
         given = Call(x, t, x_dot, u, names, inputs if u is not None else None, y, dt, columns)
-        predicts = self._predicts(own)
-        given, own, _ = self._streamed(given, own)
-        call = given.understood(predicts, self.dt, self._names_columns(own), own.get("time"))
+        predicts = self._predicts(base)
+        given, base, _ = self._streamed(given, base)
+        call = given.understood(predicts, self.dt, self._names_columns(base), base.get("time"))
         if is_arrays(call.x) and self._fitted_names is not None:
             self._check_width(call.x)
         if not is_arrays(call.x):
@@ -201,30 +201,30 @@ class Fitted:
         shares = [target["r2"] for target in report["targets"]]
         return float(np.mean([np.nan if share is None else share for share in shares]))
 
-    def _streamed(self, given: Call, own: dict[str, Any]) -> tuple[Call, dict[str, Any], list[str] | None]:
+    def _streamed(self, given: Call, base: dict[str, Any]) -> tuple[Call, dict[str, Any], list[str] | None]:
         """A lazy table as a streaming data set, with its signals as states if no argument names the columns.
 
         Further arrays, and a function for derivatives, need the rows in memory.
         """
         if not has_lazy(given.x):
-            return given, own, None
+            return given, base, None
         t = given.t.value if isinstance(given.t, Second) else given.t
         besides = (given.x_dot, given.u, given.y, given.feature_names, given.input_names, given.columns)
         is_whole = any(one is not None for one in besides) or callable(self._derivative()) or np.ndim(t) > 0
         if is_whole:
-            return given, own, None
+            return given, base, None
         dataset = open_data(given.x)
         if t is not None and not isinstance(t, str):
             given, t = replace(given, dt=t), None
         given = replace(given, x=dataset, t=t)
-        if self._names_columns(own):
-            return given, own, None
-        time = own.get("time", {})
+        if self._names_columns(base):
+            return given, base, None
+        time = base.get("time", {})
         has_period = given.dt is not None or self.dt is not None or "dt" in time
-        names, clock = signals(dataset._core, t or time.get("column"), [self._predicts(own)], find_clock=not has_period)
+        names, clock = signals(dataset._core, t or time.get("column"), [self._predicts(base)], find_clock=not has_period)
         if clock is None and not has_period:
-            given = replace(given, dt=self._period(_recipe.over(self._own_recipe(), own)))
-        return replace(given, t=clock), _recipe.over({"states": {name: {} for name in names}}, own), names
+            given = replace(given, dt=self._period(_recipe.over(self._own_recipe(), base)))
+        return replace(given, t=clock), _recipe.over({"states": {name: {} for name in names}}, base), names
 
     def _score_of_states(self, model: Model, call: Call, options: Mapping[str, Any]) -> Scores:
         derivative, x_dot = self._derivative(), call.x_dot

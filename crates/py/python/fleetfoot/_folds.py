@@ -81,9 +81,9 @@ def fold_groups(splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]], row
 
 def _mask(part: NDArray[np.intp], rows: int) -> NDArray[np.bool_] | None:
     """Mask of the named rows; `None` if a row is named twice."""
-    found = np.zeros(rows, dtype=bool)
-    found[part] = True
-    return found if np.count_nonzero(found) == len(part) else None
+    mask = np.zeros(rows, dtype=bool)
+    mask[part] = True
+    return mask if np.count_nonzero(mask) == len(part) else None
 
 
 def cross_validation(
@@ -130,8 +130,8 @@ def fold_designs(
     for train, test in splits:
         rows = np.concatenate([train, test])
         sides = np.repeat(np.array([0, 1], dtype=np.uint32), [len(train), len(test)])
-        own = None if weight is None else weight[rows]
-        folds.append((Design(X[rows], y[rows], own, sides, 2), [0], [1]))
+        fold_weight = None if weight is None else weight[rows]
+        folds.append((Design(X[rows], y[rows], fold_weight, sides, 2), [0], [1]))
     return None, FoldDesigns(folds)
 
 

@@ -131,8 +131,8 @@ def is_lazy(thing: Any) -> bool:
 def frames(thing: Any) -> list[Frame] | None:
     """A table, or a list of tables, one for each run."""
     if isinstance(thing, (list, tuple)) and thing:
-        found = [frame(one) for one in thing]
-        return None if any(one is None for one in found) else [one for one in found if one is not None]
+        tables = [frame(one) for one in thing]
+        return None if any(one is None for one in tables) else [one for one in tables if one is not None]
     one = frame(thing)
     return None if one is None else [one]
 

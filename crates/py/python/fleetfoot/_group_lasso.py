@@ -42,12 +42,12 @@ def group_weights(weights: Any, labels: NDArray[np.int64]) -> NDArray[np.float64
     if weights is None:
         sizes: NDArray[np.float64] = np.sqrt(np.bincount(labels, minlength=count).astype(np.float64))
         return sizes
-    found = np.asarray(weights, dtype=np.float64)
-    if found.shape != (count,):
-        raise ParameterError(f"weights has the shape {found.shape}: give one weight a group, ({count},)")
-    if not (np.isfinite(found).all() and (found >= 0.0).all()):
+    checked = np.asarray(weights, dtype=np.float64)
+    if checked.shape != (count,):
+        raise ParameterError(f"weights has the shape {checked.shape}: give one weight a group, ({count},)")
+    if not (np.isfinite(checked).all() and (checked >= 0.0).all()):
         raise ParameterError("weights: every weight is finite and not negative")
-    return found
+    return checked
 
 
 class SparseGroupLasso(MultiOutputMixin, LinearModel):

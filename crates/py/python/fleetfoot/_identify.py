@@ -219,10 +219,10 @@ class Identifier(Fitted, BaseEstimator):
             ``fleetfoot``) and listed in ``report_["notes"]``.
         """
         given = Call(x, t, x_dot, u, feature_names, input_names, y, dt, columns)
-        own = _recipe.of_anything(self.recipe)
-        given, own, names = self._streamed(given, own)
-        call = given.understood(self._predicts(own), self.dt, self._names_columns(own), own.get("time"))
-        data, recipe = self._data(call, own)
+        base = _recipe.of_anything(self.recipe)
+        given, base, names = self._streamed(given, base)
+        call = given.understood(self._predicts(base), self.dt, self._names_columns(base), base.get("time"))
+        data, recipe = self._data(call, base)
         if names is not None:
             self._remember(names, [], names)
         with reporting(self.progress) as callback:
@@ -246,9 +246,9 @@ class Identifier(Fitted, BaseEstimator):
         """The arguments of this method as a recipe."""
         return {}
 
-    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
+    def _predicts(self, base: Mapping[str, Any] | None = None) -> str:
         """The target: of states, or a column."""
-        recipe = _recipe.over(self._own_recipe(), _recipe.of_anything(self.recipe) if own is None else own)
+        recipe = _recipe.over(self._own_recipe(), _recipe.of_anything(self.recipe) if base is None else base)
         return str(recipe.get("model", {}).get("predict", "derivative"))
 
     def plot(self, data: Any = None, **options: Any) -> Any:
@@ -257,27 +257,27 @@ class Identifier(Fitted, BaseEstimator):
         """
         return plot.coefficients(self, **options) if data is None else plot.prediction(self, data, **options)
 
-    def _names_columns(self, own: Mapping[str, Any]) -> bool:
+    def _names_columns(self, base: Mapping[str, Any]) -> bool:
         """True if arguments or recipe name the roles of columns."""
-        named = (self.states, self.inputs, self.known, *(own.get(name) for name in ("states", "inputs", "tasks")))
+        named = (self.states, self.inputs, self.known, *(base.get(name) for name in ("states", "inputs", "tasks")))
         return any(named) or bool(self._own_recipe().get("tasks"))
 
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
         """The period of arrays that need no clock."""
         return None if recipe.get("model", {}).get("predict", "derivative") == "derivative" else 1.0
 
-    def _data(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+    def _data(self, call: Call, base: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
         """The data to read, and the whole recipe."""
         arrays = is_arrays(call.x)
-        data, recipe = self._of_arrays(call, own) if arrays else self._of_recordings(call, own)
+        data, recipe = self._of_arrays(call, base) if arrays else self._of_recordings(call, base)
         recipe = _recipe.say(self._own_recipe(), self._roles(recipe, arrays))
         if self.weight is not None:
             recipe = _recipe.over({"model": {"weight": self.weight}}, recipe)
         return data, recipe
 
-    def _of_arrays(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+    def _of_arrays(self, call: Call, base: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
         derivative = self._derivative()
-        found = runs(
+        made = runs(
             call.x,
             call.t,
             call.x_dot,
@@ -285,19 +285,19 @@ class Identifier(Fitted, BaseEstimator):
             call.feature_names if call.feature_names is not None else _listed(self.states),
             call.input_names if call.input_names is not None or call.u is None else _listed(self.inputs),
             dt=call.dt,
-            default_dt=self._period(_recipe.over(self._own_recipe(), own)),
+            default_dt=self._period(_recipe.over(self._own_recipe(), base)),
             differentiate=derivative if callable(derivative) else None,
             columns=call.columns,
         )
-        self._remember(found.states, found.inputs, call.table_names)
-        states = {name: _recipe.said(derivative=found.derivatives.get(name)) for name in found.states}
-        below = {"states": states, "inputs": {name: {} for name in found.inputs}, "time": found.time}
-        if call.table_names is not None and "column" in found.time:
+        self._remember(made.states, made.inputs, call.table_names)
+        states = {name: _recipe.said(derivative=made.derivatives.get(name)) for name in made.states}
+        below = {"states": states, "inputs": {name: {} for name in made.inputs}, "time": made.time}
+        if call.table_names is not None and "column" in made.time:
             # The clock of the table is read already, under another name.
-            own = {**own, "time": {name: value for name, value in own.get("time", {}).items() if name not in ("column", "unit")}}
-        return found.core, _recipe.over(own, below)
+            base = {**base, "time": {name: value for name, value in base.get("time", {}).items() if name not in ("column", "unit")}}
+        return made.core, _recipe.over(base, below)
 
-    def _of_recordings(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+    def _of_recordings(self, call: Call, base: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
         besides = (call.x_dot, call.u, call.feature_names, call.input_names, call.columns, call.y)
         if any(given is not None for given in besides):
             raise ValueError(
@@ -308,9 +308,9 @@ class Identifier(Fitted, BaseEstimator):
             raise ValueError("derivative: a function is called for arrays; of files and tables name a column")
         self._remember(None, None, None)
         if hasattr(call.x, "_as_data"):
-            return call.x._as_data(), own
+            return call.x._as_data(), base
         dataset = open_data(call.x, t=call.t, dt=call.dt)
-        return dataset._core, _recipe.over(own, _recipe.of_toml(dataset.recipe))
+        return dataset._core, _recipe.over(base, _recipe.of_toml(dataset.recipe))
 
     def _remember(self, states: list[str] | None, inputs: list[str] | None, table: Sequence[str] | None) -> None:
         """The columns of arrays, as attributes of scikit-learn's estimators."""

@@ -40,9 +40,9 @@ def meant(word: str, known: Iterable[str]) -> str | None:
     """The right keyword for a wrong one."""
     names = list(known)
     for same in _SAME:
-        found = next((name for name in same if name in names), None) if word in same else None
-        if found is not None:
-            return found
+        match = next((name for name in same if name in names), None) if word in same else None
+        if match is not None:
+            return match
     return next(iter(difflib.get_close_matches(word, names, 1)), None)
 
 
@@ -56,8 +56,8 @@ def hinting(call: Call, whose: str | None = None) -> Call:
     def checked(*args: Any, **named: Any) -> Any:
         for word in named:
             if word not in parameters:
-                found = meant(word, parameters)
-                mend = f"did you mean {found}=?" if found else f"there are {', '.join(n for n in parameters if n != 'self')}"
+                near = meant(word, parameters)
+                mend = f"did you mean {near}=?" if near else f"there are {', '.join(n for n in parameters if n != 'self')}"
                 raise TypeError(f"{whose or call.__name__} has no argument {word!r}; {mend}")
         return call(*args, **named)
 

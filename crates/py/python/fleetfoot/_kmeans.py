@@ -187,10 +187,10 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         self._n_features_out = self.n_clusters
         self.labels_, counts, self.inertia_ = kmeans_assign(X, self._centers(), weight)
         self.n_iter_ = best[2]
-        found = int(np.count_nonzero(counts))
-        if found < self.n_clusters:
+        filled = int(np.count_nonzero(counts))
+        if filled < self.n_clusters:
             warnings.warn(
-                f"Number of distinct clusters ({found}) found smaller than n_clusters ({self.n_clusters}). "
+                f"Number of distinct clusters ({filled}) found smaller than n_clusters ({self.n_clusters}). "
                 "Possibly due to duplicate points in X.",
                 ConvergenceWarning,
                 stacklevel=2,
@@ -297,20 +297,20 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
 
     def _checked_centers(self, X: NDArray[Any], centers: Any) -> NDArray[np.float64]:
         """Given centres as a matrix of the right shape."""
-        found = np.array(centers, dtype=X.dtype).astype(np.float64)
-        if found.ndim != 2 or found.shape[0] != self.n_clusters:
+        checked = np.array(centers, dtype=X.dtype).astype(np.float64)
+        if checked.ndim != 2 or checked.shape[0] != self.n_clusters:
             raise ValueError(
-                f"The shape of the initial centers {found.shape} does not match the number of clusters "
+                f"The shape of the initial centers {checked.shape} does not match the number of clusters "
                 f"{self.n_clusters}."
             )
-        if found.shape[1] != X.shape[1]:
+        if checked.shape[1] != X.shape[1]:
             raise ValueError(
-                f"The shape of the initial centers {found.shape} does not match the number of features of the data "
+                f"The shape of the initial centers {checked.shape} does not match the number of features of the data "
                 f"{X.shape[1]}."
             )
-        if not np.isfinite(found).all():
+        if not np.isfinite(checked).all():
             raise ValueError("init contains NaN or infinity: centres lie somewhere")
-        return found
+        return checked
 
     def _start(
         self, X: NDArray[Any], points: KMeansPoints, weight: NDArray[np.float64] | None, random: _Random

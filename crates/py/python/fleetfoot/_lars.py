@@ -320,8 +320,8 @@ def _answer(path: LarsPath, dtype: Any, verbose: int, return_path: bool, return_
     tell(path, verbose)
     alphas, coefs = path.alphas.astype(dtype, copy=False), path.coefficients.astype(dtype, copy=False)
     steps = len(alphas) - 1
-    found: tuple[Any, ...] = (alphas, path.active, coefs.T) if return_path else (alphas[-1:], path.active, coefs[-1])
-    return (*found, steps) if return_n_iter else found
+    answer: tuple[Any, ...] = (alphas, path.active, coefs.T) if return_path else (alphas[-1:], path.active, coefs[-1])
+    return (*answer, steps) if return_n_iter else answer
 
 
 def _dtype(known: list[NDArray[Any]]) -> Any:

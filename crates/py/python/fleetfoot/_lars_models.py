@@ -153,8 +153,8 @@ class Lars(MultiOutputMixin, LarsModel):
 
     def _rules(self) -> dict[str, tuple[Rule, ...]]:
         steps = Rule("an int >= 1 or np.inf", lambda v: STEPS.holds(v) and v >= 1)
-        own = {"fit_path": (BOOLEAN,), "jitter": (real(0.0), NONE), "random_state": (RANDOM_STATE,)}
-        return {**COMMON_RULES, **own, "n_nonzero_coefs": (steps,)}
+        rules = {"fit_path": (BOOLEAN,), "jitter": (real(0.0), NONE), "random_state": (RANDOM_STATE,)}
+        return {**COMMON_RULES, **rules, "n_nonzero_coefs": (steps,)}
 
     def _end(self) -> tuple[float, float]:
         """End of the path: alpha, and the number of steps."""
@@ -248,9 +248,9 @@ class LassoLars(Lars):
         self.random_state = random_state
 
     def _rules(self) -> dict[str, tuple[Rule, ...]]:
-        own: dict[str, tuple[Rule, ...]] = {"alpha": (real(0.0),), "max_iter": (STEPS,), "positive": (BOOLEAN,)}
+        rules: dict[str, tuple[Rule, ...]] = {"alpha": (real(0.0),), "max_iter": (STEPS,), "positive": (BOOLEAN,)}
         path = {"fit_path": (BOOLEAN,), "jitter": (real(0.0), NONE), "random_state": (RANDOM_STATE,)}
-        return {**COMMON_RULES, **path, **own}
+        return {**COMMON_RULES, **path, **rules}
 
     def _end(self) -> tuple[float, float]:
         return self.alpha, self.max_iter

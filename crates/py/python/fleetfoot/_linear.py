@@ -44,8 +44,8 @@ class LinearModel(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         X = check_x(self, X, reset=False, sparse=self._sparse)
-        found: NDArray[Any] = np.asarray(X @ np.asarray(self.coef_).T + self.intercept_)
-        return found
+        predicted: NDArray[Any] = np.asarray(X @ np.asarray(self.coef_).T + self.intercept_)
+        return predicted
 
     def _warm_start(self, targets: int, features: int) -> NDArray[Any] | None:
         """The coefficients (n_targets, n_features) of the previous fit, with `warm_start`."""
@@ -64,8 +64,8 @@ class LinearModel(RegressorMixin, BaseEstimator):
         if not self.fit_intercept:
             self.intercept_ = 0.0
             return
-        found = np.array(intercepts, dtype=dtype)
-        self.intercept_ = found[0] if single else found
+        intercepts_kept = np.array(intercepts, dtype=dtype)
+        self.intercept_ = intercepts_kept[0] if single else intercepts_kept
 
 
 def as_precise(y: NDArray[Any], X: Any) -> NDArray[Any]:

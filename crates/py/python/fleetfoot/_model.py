@@ -142,14 +142,14 @@ class Model(OnRecordings, Filtering, Regulated):
         ModelError
             The latent functions have different libraries and none is selected; an unknown name or region.
         """
-        found = self.content.coefficients(latent)
+        matrix = self.content.coefficients(latent)
         if latent is not None:
-            found = found[:, 0]
-        if region is not None and not 0 <= region < len(found):
-            raise ModelError(f"region={region}: the model has the regions 0 to {len(found) - 1}")
-        if region is None and len(found) > 1:
-            return found
-        return np.asarray(found[region or 0])
+            matrix = matrix[:, 0]
+        if region is not None and not 0 <= region < len(matrix):
+            raise ModelError(f"region={region}: the model has the regions 0 to {len(matrix) - 1}")
+        if region is None and len(matrix) > 1:
+            return matrix
+        return np.asarray(matrix[region or 0])
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
         """Names of the candidate functions, the constant ``"1"`` first."""
@@ -361,8 +361,8 @@ class Model(OnRecordings, Filtering, Regulated):
         if u is None and self.inputs:
             u = np.zeros(len(self.inputs)) if self._regions_need_no_input() else None
         x, u, history = self._by_name(x, u, history)
-        found, single = self._core.regions(x, u, history, t)
-        return int(found[0]) if single else found
+        indices, single = self._core.regions(x, u, history, t)
+        return int(indices[0]) if single else indices
 
     def _by_name(self, x: Any, u: Any, history: Any) -> tuple[Any, Any, Any]:
         """States, inputs and past rows of tables in the order of the model."""
@@ -453,14 +453,14 @@ class Model(OnRecordings, Filtering, Regulated):
             fine, places = grid.refined() if substeps is None else (grid, np.arange(len(grid) + 1))
             if _takes_state(u):
                 self._refuse_open(interpolate)
-                found, missed = self._closed_loop(floats(x0, "x0"), fine, u, how, history)
+                simulated, missed = self._closed_loop(floats(x0, "x0"), fine, u, how, history)
             else:
                 sequence = np.array([np.atleast_1d(floats(u(time), "u")) for time in fine.times])
-                found, missed = _core.simulate(self._core, x0, fine, sequence, how, history, True)
-            found = found[..., places, :]
+                simulated, missed = _core.simulate(self._core, x0, fine, sequence, how, history, True)
+            simulated = simulated[..., places, :]
         else:
-            found, missed = _core.simulate(self._core, x0, grid, u, how, history, bool(interpolate))
-        bad = ~np.isfinite(found)
+            simulated, missed = _core.simulate(self._core, x0, grid, u, how, history, bool(interpolate))
+        bad = ~np.isfinite(simulated)
         # What diverges is told below.
         if missed > _MISSED and not bad.any():
             warn(
@@ -468,9 +468,9 @@ class Model(OnRecordings, Filtering, Regulated):
                 "the right sides jump, or are stiff; compare with method='rk4' and substeps=, or fit a discrete model"
             )
         if bad.any():
-            found[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
+            simulated[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
             warn("the simulation is no finite number from some time on: it diverges, or no region holds")
-        return found
+        return simulated
 
     def _refuse_open(self, interpolate: bool) -> None:
         """Refuses options that a closed loop does not support."""

@@ -62,17 +62,17 @@ class Tasks:
         """The solutions at these alphas, or at a number of alphas down to `eps` times the largest, descending."""
         if isinstance(alphas, int):
             alphas = grid(self.largest_alpha(), eps, alphas)
-        found = []
+        paths = []
         if self._products is None:
-            found = [self._solve(self._lasso, alphas, start)]
+            paths = [self._solve(self._lasso, alphas, start)]
         else:
             for alpha in alphas:
                 solved = self._solve(self._ridged(alpha), np.array([self._l1_ratio * alpha]), start)
-                found.append(solved)
+                paths.append(solved)
                 start = solved.coefs[-1]
-        coefs = np.concatenate([one.coefs for one in found]).reshape(len(alphas), self._targets, self._features)
-        gaps = np.concatenate([one.gaps for one in found])
-        sweeps = [count for one in found for count in one.sweeps]
+        coefs = np.concatenate([one.coefs for one in paths]).reshape(len(alphas), self._targets, self._features)
+        gaps = np.concatenate([one.gaps for one in paths])
+        sweeps = [count for one in paths for count in one.sweeps]
         return TaskPath(alphas, np.moveaxis(coefs, 0, -1), gaps, sweeps)
 
     def _solve(self, problems: _core.Problems, alphas: NDArray[np.float64], start: Any) -> Any:

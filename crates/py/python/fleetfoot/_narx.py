@@ -144,7 +144,7 @@ class NARX(Identifier):
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
         return 1.0
 
-    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
+    def _predicts(self, base: Mapping[str, Any] | None = None) -> str:
         return "next"
 
     def _own_recipe(self) -> dict[str, Any]:

@@ -178,15 +178,15 @@ def _of_objects(array: Array, what: str) -> Array:
             return _in_seconds_or_finer(_of_times(flat, numpys, what).reshape(array.shape), what)
     if any(issubclass(kind, (complex, np.complexfloating)) for kind in there):
         raise DataError(f"{what} holds complex numbers. Complex data not supported: give real and imaginary parts")
-    found = np.empty(len(flat))
+    values = np.empty(len(flat))
     for at, one in enumerate(flat):
         try:
-            found[at] = np.nan if _is_missing(one) else float(one)
+            values[at] = np.nan if _is_missing(one) else float(one)
         except TypeError as error:
             raise TypeError(f"{what} cannot be read as numbers: {error}") from error
         except (ValueError, OverflowError) as error:
             raise DataError(f"{what} cannot be read as numbers: {error}") from error
-    return found.reshape(array.shape)
+    return values.reshape(array.shape)
 
 
 def _of_times(flat: list[Any], kind: str, what: str) -> Array:
@@ -194,16 +194,16 @@ def _of_times(flat: list[Any], kind: str, what: str) -> Array:
     missing = np.datetime64("NaT") if kind == "datetime64" else np.timedelta64("NaT")
     try:
         times = [missing if _is_missing(one) else _of_time(one) for one in flat]
-        found: Array = np.array(times)
+        converted: Array = np.array(times)
         coarse = f"{kind}[us]"
         if len({one.dtype for one in times}) > 1 and not np.array_equal(
-            found.astype(coarse), np.array([one.astype(coarse) for one in times]), equal_nan=True
+            converted.astype(coarse), np.array([one.astype(coarse) for one in times]), equal_nan=True
         ):
             # numpy makes another time of one that has no place in the finest unit.
             raise OverflowError("they are too far apart to be counted in nanoseconds")
     except (OverflowError, ValueError) as error:
         raise DataError(f"{what} cannot be read as times: {error}") from error
-    return found
+    return converted
 
 
 def _of_time(one: Any) -> Any:

@@ -117,20 +117,20 @@ class OnRecordings:
         if all(name in columns for name in wanted) and (not goes_by_rows or u is not None):
             rows = _beside(columns, self.states, table.rows)
             given = _beside(columns, self.inputs, table.rows) if u is None or beside is not None else u
-            found = self._core.fitted(rows, given, _seconds(table, t) if self.uses_time else None)[0]
+            fitted = self._core.fitted(rows, given, _seconds(table, t) if self.uses_time else None)[0]
         elif u is not None:
             missing = next(name for name in wanted if name not in columns)
             raise ModelError(f"the table has no column `{missing}`; it has {', '.join(columns)}")
         else:
             data, changes = self._opened(x, recipe, t if isinstance(t, str) else None)
             with reporting(progress) as callback:
-                found = engine.predict_rows(self._core, data, changes, cache, callback)["predicted"]
-            if len(found) != table.rows:
+                fitted = engine.predict_rows(self._core, data, changes, cache, callback)["predicted"]
+            if len(fitted) != table.rows:
                 raise DataError(
-                    f"{table.rows - len(found)} of {table.rows} rows of the table have no stamp that can be read; "
+                    f"{table.rows - len(fitted)} of {table.rows} rows of the table have no stamp that can be read; "
                     "leave them out, or predict of fleetfoot.open(table)"
                 )
-        return table.made(self.outputs, found)
+        return table.made(self.outputs, fitted)
 
     def score(
         self,
@@ -346,7 +346,7 @@ class OnRecordings:
         for name, (low, high) in (bounds or {}).items():
             if low is not None and high is not None and not low < high:
                 raise RequestError(f"bounds: {name!r} lies in ({low}, {high}); give (low, high), the smaller number first")
-        ends = {name: ["" if end is None else repr(float(end)) for end in own] for name, own in (bounds or {}).items()}
+        ends = {name: ["" if end is None else repr(float(end)) for end in two] for name, two in (bounds or {}).items()}
         said = _recipe.said(
             every=None if every is None else count("every", every, 1),
             free=None if free is None else ",".join(f"`{name}`" for name in names_of(free)),
@@ -374,8 +374,8 @@ class OnRecordings:
         """The recordings, with clock, topics and episodes of their recipe; the columns are the model's."""
         dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
-        own = ("time", "files", "rename", "join", "episodes", "filter", "resimulate")
-        kept: dict[str, Any] = {name: changes[name] for name in own if name in changes}
+        sections = ("time", "files", "rename", "join", "episodes", "filter", "resimulate")
+        kept: dict[str, Any] = {name: changes[name] for name in sections if name in changes}
         kept = _recipe.say(said or {}, kept)
         return dataset._core, _recipe.to_json(kept)
 
@@ -392,12 +392,12 @@ class OnRecordings:
         fitted = self.content.fitted()
         known = {column["name"] for column in self.content.columns}
         measured = {one["subject"]: one["target"].strip("`") for one in fitted if one["prediction"] == "derivative"}
-        own = {name: column for name, column in measured.items() if column in known and column not in self.states}
-        if own and x_dot is None:
-            names = ", ".join(own)
+        rates = {name: column for name, column in measured.items() if column in known and column not in self.states}
+        if rates and x_dot is None:
+            names = ", ".join(rates)
             raise ModelError(f"x_dot is missing: the model was fitted to derivatives that were given ({names})")
         given = [name for name in self.inputs if name not in (columns or {})]
-        found = runs(
+        made = runs(
             x,
             t,
             slopes_in_order(x_dot, self.states),
@@ -407,9 +407,9 @@ class OnRecordings:
             columns=columns,
             dt=dt,
             default_dt=self.dt or None,
-            derivative_names=own,
+            derivative_names=rates,
         )
-        return self._core.over_own_columns(), found.core, _recipe.to_json({"time": found.time})
+        return self._core.over_own_columns(), made.core, _recipe.to_json({"time": made.time})
 
 
 def _of_runs(beside: Any, count: int, what: str) -> Sequence[Any]:

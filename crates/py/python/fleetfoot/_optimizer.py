@@ -107,8 +107,8 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         X = check_x(self, X, reset=False)
-        found: NDArray[Any] = X @ self._all_coefficients().T
-        return found[:, 0] if self._flat else found
+        predicted: NDArray[Any] = X @ self._all_coefficients().T
+        return predicted[:, 0] if self._flat else predicted
 
     @property
     def iters(self) -> int:
@@ -177,15 +177,15 @@ def checked_guess(guess: Any, shape: tuple[int, int]) -> NDArray[np.float64] | N
     """A first guess as matrix (n_targets, n_features)."""
     if guess is None:
         return None
-    found = np.atleast_2d(np.asarray(guess, dtype=np.float64))
-    if found.shape != shape:
+    checked = np.atleast_2d(np.asarray(guess, dtype=np.float64))
+    if checked.shape != shape:
         raise ValueError(
             "initial_guess shape is incompatible with training data. "
-            f"Expected: {shape}. Received: {found.shape}."
+            f"Expected: {shape}. Received: {checked.shape}."
         )
-    if not np.isfinite(found).all():
+    if not np.isfinite(checked).all():
         raise ValueError("initial_guess contains NaN or infinity")
-    return found
+    return checked
 
 
 def lengths(X: NDArray[Any], weight: NDArray[np.float64] | None) -> NDArray[np.float64]:
@@ -194,6 +194,6 @@ def lengths(X: NDArray[Any], weight: NDArray[np.float64] | None) -> NDArray[np.f
         squared = np.einsum("ij,ij->j", X, X, dtype=np.float64)
     else:
         squared = np.einsum("ij,ij,i->j", X, X, weight, dtype=np.float64)
-    found: NDArray[np.float64] = np.sqrt(squared)
-    found[found == 0.0] = 1.0
-    return found
+    norms: NDArray[np.float64] = np.sqrt(squared)
+    norms[norms == 0.0] = 1.0
+    return norms

@@ -85,11 +85,11 @@ def _arrays(path: str, *, matlab: bool) -> dict[str, np.ndarray]:
         raise _missing(path, "h5py", "a MATLAB file of version 7.3" if matlab else "HDF5") from None
     try:
         with h5py.File(path, "r") as file:
-            found = dict(_datasets(file, "", matlab))
+            datasets = dict(_datasets(file, "", matlab))
     except (OSError, RuntimeError, KeyError, ValueError) as problem:
         raise DataError(f"{path}: it is no sound HDF5 file: {problem}; write it again") from problem
-    others = [name for name, array in found.items() if array is None]
-    arrays = {name: array for name, array in found.items() if array is not None and array.ndim and array.size}
+    others = [name for name, array in datasets.items() if array is None]
+    arrays = {name: array for name, array in datasets.items() if array is not None and array.ndim and array.size}
     if matlab:
         arrays = {name: array.ravel() if 1 in array.shape else array for name, array in arrays.items()}
     lengths = Counter(len(array) for array in arrays.values() if len(array) > 1)

@@ -57,8 +57,8 @@ def library(given: Any) -> list[Any] | None:
     if name == "IdentityLibrary":
         return ["identity"]
     if name == "CustomLibrary":
-        own = Functions(list(given.functions), repeats=not given.interaction_only)
-        return ["1", own] if given.include_bias else [own]
+        terms = Functions(list(given.functions), repeats=not given.interaction_only)
+        return ["1", terms] if given.include_bias else [terms]
     if name == "ConcatLibrary":
         return [item for one in given.libraries for item in library(one) or ()]
     if name == "TensoredLibrary":

@@ -39,33 +39,33 @@ class BaseEstimator:
     def _parameter_names(cls) -> list[str]:
         if cls.__init__ is object.__init__:
             return []
-        found = inspect.signature(cls.__init__).parameters.values()
-        return sorted(p.name for p in found if p.name != "self" and p.kind != p.VAR_KEYWORD)
+        named = inspect.signature(cls.__init__).parameters.values()
+        return sorted(p.name for p in named if p.name != "self" and p.kind != p.VAR_KEYWORD)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Parameters by name, and those of estimators among them as ``name__parameter`` when `deep`."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for name in self._parameter_names():
             value = getattr(self, name)
             if deep and hasattr(value, "get_params") and not isinstance(value, type):
-                found.update((f"{name}__{inner}", v) for inner, v in value.get_params().items())
-            found[name] = value
-        return found
+                values.update((f"{name}__{inner}", v) for inner, v in value.get_params().items())
+            values[name] = value
+        return values
 
     def set_params(self, **params: Any) -> Self:
         """Sets parameters by name, ``name__parameter`` for those of an estimator among them."""
         known = self._parameter_names()
         inner: dict[str, dict[str, Any]] = {}
         for name, value in params.items():
-            own, _, rest = name.partition("__")
-            if own not in known:
-                raise ValueError(f"{type(self).__name__} has no parameter {own!r}; it has {', '.join(known) or 'none'}")
+            head, _, rest = name.partition("__")
+            if head not in known:
+                raise ValueError(f"{type(self).__name__} has no parameter {head!r}; it has {', '.join(known) or 'none'}")
             if rest:
-                inner.setdefault(own, {})[rest] = value
+                inner.setdefault(head, {})[rest] = value
             else:
-                setattr(self, own, value)
-        for own, values in inner.items():
-            getattr(self, own).set_params(**values)
+                setattr(self, head, value)
+        for head, values in inner.items():
+            getattr(self, head).set_params(**values)
         return self
 
     def __repr__(self) -> str:
@@ -97,16 +97,16 @@ class RegressorMixin:
             Row weights.
         """
         truth = np.asarray(unmasked(y), dtype=np.float64)
-        found = np.asarray(self.predict(X), dtype=np.float64)  # type: ignore[attr-defined]
-        truth, found = truth.reshape(len(truth), -1), found.reshape(len(found), -1)
-        if truth.shape != found.shape:
-            raise ValueError(f"y has the shape {truth.shape}, the prediction {found.shape}")
+        predicted = np.asarray(self.predict(X), dtype=np.float64)  # type: ignore[attr-defined]
+        truth, predicted = truth.reshape(len(truth), -1), predicted.reshape(len(predicted), -1)
+        if truth.shape != predicted.shape:
+            raise ValueError(f"y has the shape {truth.shape}, the prediction {predicted.shape}")
         weight = np.ones(len(truth)) if sample_weight is None else np.asarray(sample_weight, dtype=np.float64)
         if len(truth) < 2:
             warnings.warn("R2 is not defined for fewer than two rows", UserWarning, stacklevel=2)
             return float("nan")
         mean = np.average(truth, axis=0, weights=weight)
-        left = weight @ (truth - found) ** 2
+        left = weight @ (truth - predicted) ** 2
         total = weight @ (truth - mean) ** 2
         scores = np.where(total > 0.0, 1.0 - left / np.where(total > 0.0, total, 1.0), (left == 0.0).astype(float))
         return float(scores.mean())

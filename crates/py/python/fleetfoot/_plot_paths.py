@@ -89,8 +89,8 @@ def _path_of(estimator: Any, target: int) -> tuple[Any, Any]:
         alphas = np.asarray(estimator[0], dtype=float)
         coefs = next((np.asarray(part, dtype=float) for part in estimator[1:] if np.ndim(part) >= 2), None)
     else:
-        found: tuple[Any, Any] = getattr(estimator, "alphas_", None), getattr(estimator, "coef_path_", None)
-        alphas, coefs = found if not isinstance(found[1], list) else (found[0][target], found[1][target])
+        path: tuple[Any, Any] = getattr(estimator, "alphas_", None), getattr(estimator, "coef_path_", None)
+        alphas, coefs = path if not isinstance(path[1], list) else (path[0][target], path[1][target])
     if alphas is None or coefs is None:
         raise TypeError(
             f"{type(estimator).__name__} has no alphas_ and coef_path_: fit it with fit_path=True, or give what "

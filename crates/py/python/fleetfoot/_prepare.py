@@ -180,7 +180,7 @@ def prepare(
     >>> bool(np.std(table["x_dot"] - 3 * np.cos(3 * t)) < 0.15)  # 0.7 by central differences
     True
     """
-    own = _recipe.said(
+    prepared_recipe = _recipe.said(
         method=method,
         second_order=second_order,
         reject=reject,
@@ -200,7 +200,7 @@ def prepare(
         min_rows=min_rows,
         **{"lambda": lam},
     )
-    above: dict[str, Any] = {"prepare": own} if own else {}
+    above: dict[str, Any] = {"prepare": prepared_recipe} if prepared_recipe else {}
     if channels:
         above["channels"] = {
             name: {"lambda" if key == "lam" else key: value for key, value in said.items()}

@@ -208,8 +208,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if order is None:
             fit = PwaFit(X, y, weight, self._request(X.shape[1], lengths))
         else:
-            own = None if weight is None else weight[order]
-            fit = PwaFit(X[order], y[order], own, self._request(X.shape[1], lengths))
+            sorted_weight = None if weight is None else weight[order]
+            fit = PwaFit(X[order], y[order], sorted_weight, self._request(X.shape[1], lengths))
         self._take(fit)
         self.labels_ = self._regions(X)
         self.counts_ = np.bincount(self.labels_, minlength=self.n_regions_)
@@ -248,14 +248,14 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         X = check_x(self, X, reset=False)
-        found = np.empty((len(X), self.intercept_.shape[1]))
+        predicted = np.empty((len(X), self.intercept_.shape[1]))
         for first in range(0, len(X), _BLOCK):
             rows = X[first : first + _BLOCK]
             regions = self._regions(rows)
             for region in np.unique(regions):
                 chosen = np.flatnonzero(regions == region)
-                found[first + chosen] = rows[chosen] @ self.coef_[region].T + self.intercept_[region]
-        return found[:, 0] if self._flat else found
+                predicted[first + chosen] = rows[chosen] @ self.coef_[region].T + self.intercept_[region]
+        return predicted[:, 0] if self._flat else predicted
 
     def _regions(self, X: NDArray[Any]) -> NDArray[np.int32]:
         return pwa_regions(X, self._rule)

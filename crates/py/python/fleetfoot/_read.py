@@ -243,8 +243,8 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     [('t', None), ('speed [m/s]', 'm/s')]
     """
     with reporting(progress) as callback:
-        found: dict[str, Any] = _core.info(Path(path), values, callback)
-    return found
+        info_dict: dict[str, Any] = _core.info(Path(path), values, callback)
+    return info_dict
 
 
 @dataclass(frozen=True)

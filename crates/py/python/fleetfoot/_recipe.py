@@ -19,8 +19,8 @@ Recipe = dict[str, Any]
 
 def of_toml(text: str, name: str = "the recipe") -> Recipe:
     """A recipe in TOML as a dictionary, its tables in their order."""
-    found: Recipe = json.loads(_core.recipe_json(text, name)) if text.strip() else {}
-    return found
+    content: Recipe = json.loads(_core.recipe_json(text, name)) if text.strip() else {}
+    return content
 
 
 def of_anything(recipe: str | os.PathLike[str] | Mapping[str, Any] | None) -> Recipe:
@@ -69,8 +69,8 @@ def over(above: Mapping[str, Any], below: Mapping[str, Any]) -> Recipe:
     """``below`` with all entries of ``above``; tables are merged entry by entry."""
     joined = dict(below)
     for key, value in above.items():
-        own = joined.get(key)
-        joined[key] = over(value, own) if isinstance(value, Mapping) and isinstance(own, Mapping) else value
+        under = joined.get(key)
+        joined[key] = over(value, under) if isinstance(value, Mapping) and isinstance(under, Mapping) else value
     return joined
 
 

@@ -106,9 +106,9 @@ def report(
         if not isinstance(model, Model):
             raise TypeError(f"{type(given).__name__} is no model; give a fleetfoot.Model or a fitted estimator")
         inner = model if inner is None else inner
-        told = getattr(given, "report_", None)
-        if isinstance(told, dict) and ("latents" in told or "candidates" in told):
-            fits.append(json.dumps({**told, "hash": model._core.hash()}))
+        fit_report = getattr(given, "report_", None)
+        if isinstance(fit_report, dict) and ("latents" in fit_report or "candidates" in fit_report):
+            fits.append(json.dumps({**fit_report, "hash": model._core.hash()}))
         listed.append((model.method if name is None else str(name), model._core))
     if inner is None:
         raise ValueError("models is empty; give at least one model")
@@ -129,6 +129,6 @@ def report(
         "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
     }
     with reporting(progress) as callback:
-        found: dict[str, Any] = _core.report(listed, opened, changes, request, cache, callback)
-    tell_all(found["notes"])
-    return found
+        report_dict: dict[str, Any] = _core.report(listed, opened, changes, request, cache, callback)
+    tell_all(report_dict["notes"])
+    return report_dict

@@ -163,9 +163,9 @@ def _beside(values: Any, what: str, x: list[Any]) -> list[Any]:
     arrays = array_runs(values, what)
     if len(arrays) != len(x):
         raise ValueError(f"{what} has {len(arrays)} runs and x has {len(x)}; give as many")
-    for run, (array, own) in enumerate(zip(arrays, x)):
-        if len(array) != len(own):
-            raise ValueError(f"{what} of run {run} has {len(array)} rows and x has {len(own)}; give as many")
+    for run, (array, states_of_run) in enumerate(zip(arrays, x)):
+        if len(array) != len(states_of_run):
+            raise ValueError(f"{what} of run {run} has {len(array)} rows and x has {len(states_of_run)}; give as many")
     return arrays
 
 
@@ -228,24 +228,24 @@ def runs(
     if differentiate is not None and x_dot is None:
         clocks: Sequence[Any] = stamps if stamps is not None else [period] * len(xs)
         x_dot = [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
-    found = Runs(_core.Data.arrays([]), states, inputs)
+    made = Runs(_core.Data.arrays([]), states, inputs)
     if x_dot is not None:
         dots = _beside(x_dot, "x_dot", xs)
         if _width(dots, "x_dot") != len(states):
             raise ValueError(f"x_dot has {_width(dots, 'x_dot')} columns and x has {len(states)}; give as many")
         known = derivative_names or {}
-        found.derivatives = {name: known.get(name) or _free(f"{name}_dot", taken) for name in states}
+        made.derivatives = {name: known.get(name) or _free(f"{name}_dot", taken) for name in states}
         for part, one in zip(parts, dots):
-            part.append((one, list(found.derivatives.values())))
+            part.append((one, list(made.derivatives.values())))
     if stamps is not None:
         clock = _free("t", taken)
         for part, one in zip(parts, stamps):
             part.append((one, [clock]))
-        found.time = {"column": clock} if stamps[0].dtype.kind in "mM" else {"column": clock, "unit": "s"}
+        made.time = {"column": clock} if stamps[0].dtype.kind in "mM" else {"column": clock, "unit": "s"}
     else:
-        found.time = {"dt": period}
-    found.core = _core.Data.arrays([(f"run {run}", part) for run, part in enumerate(parts)])
-    return found
+        made.time = {"dt": period}
+    made.core = _core.Data.arrays([(f"run {run}", part) for run, part in enumerate(parts)])
+    return made
 
 
 def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, differentiate: Differentiate) -> Any:
@@ -257,11 +257,11 @@ def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, d
 
 
 def _derivative(differentiate: Differentiate, x: Any, t: Any, run: int) -> np.ndarray[Any, Any]:
-    found = numbers(differentiate(_columns(x), t), "derivative")
-    if found.shape != _columns(x).shape:
+    slopes = numbers(differentiate(_columns(x), t), "derivative")
+    if slopes.shape != _columns(x).shape:
         shape = _columns(x).shape
-        raise ValueError(f"derivative: run {run} of the shape {shape} has derivatives of the shape {found.shape}")
-    return found
+        raise ValueError(f"derivative: run {run} of the shape {shape} has derivatives of the shape {slopes.shape}")
+    return slopes
 
 
 def _columns(array: Any) -> np.ndarray[Any, Any]:

@@ -222,8 +222,8 @@ class SINDy(Identifier):
 
     def _derivative(self) -> Derivative:
         given = self._said("derivative")
-        found: Derivative = _one("derivative", given, "differentiation_method", self.differentiation_method)
-        return found
+        method: Derivative = _one("derivative", given, "differentiation_method", self.differentiation_method)
+        return method
 
     def _own_recipe(self) -> dict[str, Any]:
         if self.discrete_time and self.target not in (None, "next"):
@@ -245,8 +245,8 @@ class SINDy(Identifier):
             }
         return {name: section for name, section in recipe.items() if section}
 
-    def _data(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
-        data, recipe = super()._data(call, own)
+    def _data(self, call: Call, base: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
+        data, recipe = super()._data(call, base)
         items = recipe.get("library", {}).get("functions", [])
         if any(isinstance(item, _peers.Functions) for item in items):
             kinds = ("quaternion", "rotation-vector", "axis-angle")
@@ -332,7 +332,7 @@ class SINDy(Identifier):
         model, derivative = self._found(), self._derivative()
         default = self.dt or model.dt
         if callable(derivative):
-            found = differentiated(x, t, dt, default, derivative)
+            slopes = differentiated(x, t, dt, default, derivative)
         else:
             # Derivatives that were given to the fit are no differences.
             targets = {one["subject"]: one["target"] for one in model.content.fitted() if "(" in one["target"]}
@@ -343,9 +343,9 @@ class SINDy(Identifier):
             table = _core.read_table(data.core, text, list(dict.fromkeys(wanted)), None, None, None, None)
             every = np.column_stack([table[name] for name in wanted])
             lengths = [len(one) for one in array_runs(x, "x")]
-            found = np.split(every, np.cumsum(lengths)[:-1])
+            slopes = np.split(every, np.cumsum(lengths)[:-1])
         many = isinstance(x, (list, tuple)) and any(isinstance(one, np.ndarray) for one in x)
-        shaped = [one.reshape(np.shape(own)) for one, own in zip(found, array_runs(x, "x"))]
+        shaped = [one.reshape(np.shape(run)) for one, run in zip(slopes, array_runs(x, "x"))]
         return shaped if many else shaped[0]
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
@@ -370,15 +370,15 @@ class SINDy(Identifier):
         array
             (equations, candidates) for a single or selected region, else (regions, equations, candidates).
         """
-        found = super().coefficients(latent=latent, region=region)
+        table = super().coefficients(latent=latent, region=region)
         if latent is not None:
-            return found
+            return table
         place = {name: at for at, name in enumerate(self.report_["candidates"])}
         names = self._found().get_feature_names()
-        all_ = np.zeros((*found.shape[:-1], len(place)))
+        all_ = np.zeros((*table.shape[:-1], len(place)))
         for at, name in enumerate(names):
             if name in place:
-                all_[..., place[name]] = found[..., at]
+                all_[..., place[name]] = table[..., at]
         return all_
 
 

@@ -74,10 +74,10 @@ class Solution:
 
     def as_dict(self) -> dict[str, dict[str, float]]:
         """Coefficients by latent and function."""
-        found: dict[str, dict[str, float]] = {}
+        content: dict[str, dict[str, float]] = {}
         for (latent, function), value in zip(self._pairs, self.coefficients, strict=True):
-            found.setdefault(latent, {})[function] = float(value)
-        return found
+            content.setdefault(latent, {})[function] = float(value)
+        return content
 
     def to_json(self) -> str:
         """The model as JSON, as ``fleetfoot`` writes it to ``model.json``."""
@@ -108,18 +108,18 @@ def strength(method: str, alpha: float | None, l1_ratio: float | None) -> tuple[
     return None if alpha is None else float(alpha), ratio
 
 
-def solution(method: str, found: dict[str, Any]) -> Solution:
+def solution(method: str, solved: dict[str, Any]) -> Solution:
     """A solution from the engine's result."""
     return Solution(
         method=method,
-        names=[f"{latent}: {function}" for latent, function in found["names"]],
-        coefficients=found["coefficients"],
-        standard_errors=found["standard_errors"],
-        certificate=Certificate(*found["certificate"]),
-        rows=found["rows"],
-        tasks={name: TaskScore(rms, r2) for name, rms, r2 in found["tasks"]},
-        confounded=found["confounded"],
-        notes=found["notes"],
-        _pairs=found["names"],
-        _json=found["model"],
+        names=[f"{latent}: {function}" for latent, function in solved["names"]],
+        coefficients=solved["coefficients"],
+        standard_errors=solved["standard_errors"],
+        certificate=Certificate(*solved["certificate"]),
+        rows=solved["rows"],
+        tasks={name: TaskScore(rms, r2) for name, rms, r2 in solved["tasks"]},
+        confounded=solved["confounded"],
+        notes=solved["notes"],
+        _pairs=solved["names"],
+        _json=solved["model"],
     )

@@ -182,11 +182,11 @@ class SR3(Optimizer):
         X, y = root * X / size, root * y
         if start is None:
             start = np.linalg.lstsq(X, y)[0].T
-        found = trimmed(
+        kept = trimmed(
             X, y, request, weights, np.ascontiguousarray(start), self.trimming_fraction, self.trimming_step_size
         )
-        raw = {name: getattr(found, name) / size for name in ("coefficients", "decided", "history", "relaxed")}
-        return replace(found, **raw)
+        raw = {name: getattr(kept, name) / size for name in ("coefficients", "decided", "history", "relaxed")}
+        return replace(kept, **raw)
 
     def _told(self, models: Any) -> None:
         self.coef_full_ = models.relaxed

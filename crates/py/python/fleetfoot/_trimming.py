@@ -49,8 +49,8 @@ def trimmed(
     converged = False
     while not converged and len(history) <= request["max_iter"]:
         errors = 0.5 * ((y - X @ relaxed.T) ** 2).sum(axis=1)
-        found = sr3(Design(X, y, shares), once, weights, sparse)
-        sparse, relaxed, before = found.coefficients, found.relaxed, sparse
+        solved = sr3(Design(X, y, shares), once, weights, sparse)
+        sparse, relaxed, before = solved.coefficients, solved.relaxed, sparse
         kept, shares = shares, on_capped_simplex(shares - step_size * errors, fraction)
         history.append(sparse)
         moved = float(np.linalg.norm(sparse - before)) / request["nu"] + float(np.linalg.norm(shares - kept)) / step_size
@@ -80,5 +80,5 @@ def on_capped_simplex(values: NDArray[np.float64], fraction: float) -> NDArray[n
         shift = 0.5 * (ends[at] + ends[at + 1])
     else:
         shift = ends[at]
-    found: NDArray[np.float64] = np.clip(values - shift, 0.0, 1.0)
-    return found
+    clipped: NDArray[np.float64] = np.clip(values - shift, 0.0, 1.0)
+    return clipped

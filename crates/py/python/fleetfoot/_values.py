@@ -27,12 +27,12 @@ def number(name: str, value: Any) -> float:
     """A finite number."""
     is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, (bool, np.bool_))
     try:
-        found = float(value) if is_number else np.nan
+        value_read = float(value) if is_number else np.nan
     except OverflowError:
-        found = np.inf
-    if not np.isfinite(found):
+        value_read = np.inf
+    if not np.isfinite(value_read):
         raise RequestError(f"{name}={shown(repr(value))}: give a number")
-    return found
+    return value_read
 
 
 def names_of(given: str | Iterable[str]) -> list[str]:

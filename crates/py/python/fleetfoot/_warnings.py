@@ -47,10 +47,10 @@ def warn(message: str) -> None:
 def tell_all(messages: Iterable[str]) -> list[str]:
     """A warning for every message, or a line of the log ``fleetfoot`` for a usual assumption; returns the
     messages."""
-    told = list(messages)
-    for message in told:
+    all_messages = list(messages)
+    for message in all_messages:
         if _ROUTINE.search(message):
             _LOG.info(message)
         else:
             warn(message)
-    return told
+    return all_messages

@@ -337,11 +337,11 @@ class _Dask:
                 continue
             self._check(root, group_of, watch)
             try:
-                found: Part = root.result(timeout=watch.patience)
+                part: Part = root.result(timeout=watch.patience)
             except TimeoutErrors:
                 watch.look(lambda: False)
             else:
-                return found
+                return part
 
     def _check(self, future: Any, group_of: dict[Any, int], watch: Watch) -> None:
         """Raises the error of a failed task."""
@@ -452,8 +452,8 @@ class _Ray:
                 self._get(reference, group, watch)
                 watch.ended(group, total)
             watch.look(self._works)
-        found: Part = self._get(root, None, watch)
-        return found
+        part: Part = self._get(root, None, watch)
+        return part
 
     def _get(self, reference: Any, group: int | None, watch: Watch) -> Any:
         """The value of a task that has ended."""

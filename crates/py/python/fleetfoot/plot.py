@@ -159,14 +159,14 @@ def _latent(model: Any, place: int, names: list[str]) -> dict[str, Any]:
     """The function of a target, or a latent function by name."""
     content = model.content
     if place >= len(model.outputs):
-        found: dict[str, Any] = content.latent(names[place])
-        return found
+        latent_entry: dict[str, Any] = content.latent(names[place])
+        return latent_entry
     latent = content.own_latent(content.fitted()[place])
     if latent is None:
         listed = ", ".join(names[len(model.outputs) :])
         raise ValueError(f"{names[place]} is a formula of {listed}; name one of these")
-    own: dict[str, Any] = latent
-    return own
+    entry: dict[str, Any] = latent
+    return entry
 
 
 def _standard_errors(report: Any, target: str, latent: str, region: int) -> dict[str, float]:
@@ -180,8 +180,8 @@ def _standard_errors(report: Any, target: str, latent: str, region: int) -> dict
         terms = [term for one in equations if one.get("label") == target for term in one["terms"]]
     if isinstance(report.get("latents"), list) and not terms:
         terms = [term for one in report["latents"] if one.get("name") == latent for term in one.get("functions", [])]
-    found = {str(term["function"]): term.get("standard_error") for term in terms}
-    return {name: float(error) for name, error in found.items() if error is not None}
+    by_name = {str(term["function"]): term.get("standard_error") for term in terms}
+    return {name: float(error) for name, error in by_name.items() if error is not None}
 
 
 def prediction(
@@ -226,18 +226,18 @@ def prediction(
     """
     inner = getattr(model, "model_", model)
     dataset = data if isinstance(data, Dataset) else open_data(data, recipe=recipe)
-    found = inner.predict(dataset, recipe=recipe, progress=progress)
-    column = _place("target", target, found["targets"])
-    shown = found["episode"] == _place("episode", episode, found["episodes"])
-    stamp = found["stamp"][shown]
+    predicted = inner.predict(dataset, recipe=recipe, progress=progress)
+    column = _place("target", target, predicted["targets"])
+    shown = predicted["episode"] == _place("episode", episode, predicted["episodes"])
+    stamp = predicted["stamp"][shown]
     time = (stamp - stamp[:1]) * 1e-9
     ax = axes_of(ax)
-    ax.plot(time, found["measured"][shown, column], color="0.25", lw=1.2, label="measured")
-    ax.plot(time, found["predicted"][shown, column], color="tab:blue", lw=1.2, label="predicted")
+    ax.plot(time, predicted["measured"][shown, column], color="0.25", lw=1.2, label="measured")
+    ax.plot(time, predicted["predicted"][shown, column], color="tab:blue", lw=1.2, label="predicted")
     unit = next((one["unit"] for one in inner.content.fitted() if one["unit"]), None)
     unit = inner.content.fitted()[column]["unit"] if column < len(inner.content.fitted()) else unit
     ax.set_xlabel("time since the start of the episode [s]")
-    ax.set_ylabel(f"{found['targets'][column]} [{unit}]" if unit else found["targets"][column])
+    ax.set_ylabel(f"{predicted['targets'][column]} [{unit}]" if unit else predicted["targets"][column])
     ax.legend(fontsize="small", frameon=False)
     return ax
 
