@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn delays_units_and_signs_are_found_and_nothing_where_all_is_well() {
+    fn delays_units_and_signs_are_found_and_sound_logs_pass() {
         let names = ["yaw", "yaw_rate"];
         assert_eq!(found(names, |row| moving(row as f64)), []);
         let late = found(names, |row| [moving(row as f64)[0], moving(row as f64 - 2.0)[1]]);

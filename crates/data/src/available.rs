@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_that_nobody_has_is_refused_with_its_size() {
+    fn requests_beyond_the_memory_are_refused_with_their_size() {
         assert_eq!(ensure_memory(1 << 20, "a table", "give fewer rows"), Ok(()));
         for bytes in [1 << 50, usize::MAX] {
             let error = ensure_memory(bytes, "a table", "give fewer rows").unwrap_err().to_string();

@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_piece_shares_its_own_pieces_once_no_other_waits() {
+    fn inner_pieces_are_shared_once_no_outer_piece_waits() {
         let waits = || INSIDE.with_borrow(|inside| inside.as_ref().map(|work| work.waits()));
         with_threads(1, || {
             assert_eq!(waits(), None);

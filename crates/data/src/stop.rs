@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn results_that_are_not_all_there_are_none() {
+    fn incomplete_results_are_discarded() {
         let stop = Stop::default();
         let outcome = stoppable(&stop, || {
             parallel_all(1000, |i| {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_complete_is_kept_after_a_stop() {
+    fn complete_pieces_are_kept_after_a_stop() {
         let stop = Stop::default();
         let kept = stoppable(&stop, || {
             let ended = until_stopped(|| {
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_ends_without_a_stop_and_mistakes_go_on() {
+    fn only_stops_end_work_and_panics_propagate() {
         checkpoint();
         let stop = Stop::default();
         assert_eq!(stoppable(&stop, || 3), Ok(3));

@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_condition_is_told() {
+    fn invalid_conditions_are_refused() {
         for (text, words) in [
             ("t", "`t` is no comparison"),
             ("t > ", "is not a comparison"),

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_was_made_for_nothing_goes_again() {
+    fn folder_of_a_failed_command_is_removed() {
         let parent = tempfile::tempdir().unwrap();
         let target = parent.path().join("clean");
         let making = Folder::create(&target, false, &[], is_own).unwrap();
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn one_command_at_a_time_and_what_a_killed_one_left_is_removed() {
+    fn second_command_is_refused_and_leftovers_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let left = folder.path().join(".generating-killed");
         fs::create_dir(&left).unwrap();

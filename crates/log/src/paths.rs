@@ -62,7 +62,7 @@ fn collect_folder(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) ->
     }
     // Its rows; the tables beside them are about episodes and tasks.
     if is_lerobot(folder) {
-        return collect_folder(&folder.join("data"), depth + 1, found);
+        return collect_folder(&folder.join("data"), depth + 1, paths);
     }
     let error = |source: io::Error| Error::Io { path: folder.into(), action: "list", source };
     for entry in fs::read_dir(folder).map_err(error)? {
@@ -81,7 +81,7 @@ fn collect_folder(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) ->
     Ok(())
 }
 
-/// Whether a folder is a data set of LeRobot: `meta/info.json` has the version of its format.
+/// True if a folder is a data set of LeRobot: `meta/info.json` has the version of its format.
 fn is_lerobot(folder: &Path) -> bool {
     let info = fs::File::open(folder.join("meta/info.json"));
     let mut start = Vec::new();

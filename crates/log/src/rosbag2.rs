@@ -85,9 +85,9 @@ impl Information {
                         continue;
                     }
                     Place::Wanted(_) if style == ScalarStyle::Plain && matches!(&*value, "" | "~" | "null") => {}
-                    Place::Wanted("storage_identifier") => own.storage_identifier = value.into_owned(),
-                    Place::Wanted("compression_mode") => own.compression_mode = value.into_owned(),
-                    Place::Item("relative_file_paths") => own.relative_file_paths.push(value.into_owned()),
+                    Place::Wanted("storage_identifier") => metadata.storage_identifier = value.into_owned(),
+                    Place::Wanted("compression_mode") => metadata.compression_mode = value.into_owned(),
+                    Place::Item("relative_file_paths") => metadata.relative_file_paths.push(value.into_owned()),
                     Place::Wanted(key) | Place::Item(key) => {
                         return unexpected(&format!("`{key}` has an unexpected type"));
                     }
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_told_with_the_mend() {
+    fn unreadable_files_are_reported_with_a_remedy() {
         let folder = bag(&["a.db3"], "  storage_identifier: tape\n  relative_file_paths: [a.db3]\n");
         let text = message(&folder);
         assert!(text.contains("tape") && text.contains("ros2 bag convert"), "{text}");

@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_run_is_an_error() {
+    fn files_without_a_run_are_an_error() {
         let one = [("a", "a*.csv"), ("b", "b.*")];
         assert!(matches!(group(&["r/a.csv"], &one), Err(Error::NoFileOfTopic { .. })));
         assert!(matches!(group(&["r/a.csv", "r/a2.csv", "r/b.csv"], &one), Err(Error::TwoFiles { .. })));

@@ -79,7 +79,7 @@ fn only_x_y_z_w_of_real_numbers_is_a_rotation() {
 }
 
 #[test]
-fn growth_is_bounded_and_told() {
+fn growth_is_bounded_and_reported() {
     let mut tree = FieldTree::default();
     let elements = (0..1000).map(|index| object(vec![("id", Value::Text(format!("n{index}")))])).collect();
     tree.add(&object(vec![("a", Value::Array(elements))]));
@@ -102,7 +102,7 @@ fn growth_is_bounded_and_told() {
 }
 
 #[test]
-fn fields_that_no_path_can_name_are_left_out_and_told() {
+fn fields_without_a_valid_path_are_left_out_and_reported() {
     let mut tree = FieldTree::default();
     let fields = ["", "a.b", "a[0]", "a]", "a"].map(|name| (name, Value::Float(1.0)));
     tree.add(&object(fields.to_vec()));

@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_process_left_goes_when_the_next_one_begins() {
+    fn leftovers_of_a_killed_process_are_removed_by_the_next() {
         let folder = tempfile::tempdir().unwrap();
         let long = "n".repeat(240);
         for name in ["out.json", &long] {

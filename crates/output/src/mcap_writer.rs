@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn an_abandoned_file_leaves_nothing_and_an_older_one_stays() {
+    fn abandoned_file_leaves_the_older_file_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.mcap");
         std::fs::write(&path, b"older").unwrap();

@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn aliases_are_names_that_can_stand_in_expressions_and_none_comes_twice() {
+    fn aliases_are_unique_names_for_expressions() {
         let names =
             ["a_x", "a_y", "a_z", "a_w", "b_x", "b_y", "b_z", "b_w", "yaw", "v [m/s]", "v (km/h)", "2nd", "u", "u"];
         let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();

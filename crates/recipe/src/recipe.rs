@@ -526,7 +526,7 @@ terrain = "grass"
     }
 
     #[test]
-    fn what_is_said_stands_above_the_recipe_and_silences_what_contradicts_it() {
+    fn flags_override_the_recipe_and_conflicting_entries() {
         let text = "[pwa]\nfolds = 4\nseed = 3\n[sindy]\nterms = 3\nridge = 0.1\n[sparse]\nstability = true\n[latents]\nT = { of = [\"x\"], prior_strength = 2.0 }\n";
         let mut recipe = Recipe::parse(text, "test").unwrap();
         recipe.say(PwaSection { folds: Some(8), tsqr: Some(false), ..PwaSection::default() });
@@ -552,7 +552,7 @@ terrain = "grass"
     }
 
     #[test]
-    fn typing_errors_are_told_with_their_line() {
+    fn typing_errors_are_reported_with_their_line() {
         let error = Recipe::parse("[states]\nx = { regresor = false }\n", "robot.toml").unwrap_err().to_string();
         assert!(error.contains("robot.toml") && error.contains("regresor") && error.contains("line 2"), "{error}");
         assert!(error.contains("did you mean `regressor`"), "{error}");

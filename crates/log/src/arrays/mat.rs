@@ -48,7 +48,7 @@ const LOGICAL: u8 = 2;
 pub(super) fn refused(path: &Path) -> Error {
     Error::WrongFormat {
         path: path.into(),
-        problem: "a .mat of version 7.3 is HDF5, which is read in Python alone".into(),
+        problem: "a .mat of version 7.3 is HDF5, which only Python reads".into(),
         mend: "save it in MATLAB with '-v7', or open it in Python, as `ff.open(\"run.mat\")` with h5py",
     }
 }

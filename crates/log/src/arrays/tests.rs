@@ -99,10 +99,10 @@ fn clocks_kinds_and_what_is_left_out() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_with_the_way_out() {
+fn unreadable_files_are_refused_with_a_remedy() {
     let message = refusal("a.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64");
     assert!(message.contains("-v7") && message.contains("h5py") && message.contains("ff.open"), "{message}");
-    assert!(refusal("a.mat", &fs::read(fixture("old.mat")).unwrap()).contains("no MATLAB (.mat) file"));
+    assert!(refusal("a.mat", &fs::read(fixture("old.mat")).unwrap()).contains("not MATLAB (.mat)"));
     assert!(refusal("a.npz", b"\x93NUMPY\x01\x00").contains("extension .npy"));
     assert!(
         refusal("a.npy", &npy("{'descr': '|O', 'fortran_order': False, 'shape': (3,), }", b"")).contains("objects")
@@ -131,7 +131,7 @@ fn arrays_beside_logs_are_no_rows_of_a_folder() {
 }
 
 #[test]
-fn damage_is_told_and_the_rest_is_read() {
+fn damage_is_reported_and_the_rest_is_read() {
     let whole = fs::read(fixture("plain.npy")).unwrap();
     let (_folder, path) = scrap("a.npy", &whole[..whole.len() - 30]);
     let info = inspect(&path).unwrap();

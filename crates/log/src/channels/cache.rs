@@ -246,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_stands_beside_the_columns_comes_back() {
+    fn metadata_beside_the_columns_reads_back() {
         let column =
             |name: &str, kind| TableColumn { column: Column { name: name.into(), unit: None, kind }, empty: false };
         let meta = Meta {

@@ -180,7 +180,7 @@ fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
             (what, "give it the extension of its format, or copy it again")
         }
     };
-    Error::WrongFormat { path: path.into(), problem: format!("this is not a {} file: {what}", kind.name), mend }
+    Error::WrongFormat { path: path.into(), problem: format!("the content is not {}: {what}", kind.name), mend }
 }
 
 #[cfg(test)]

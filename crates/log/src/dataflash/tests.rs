@@ -106,7 +106,7 @@ fn files_of_others_are_refused_and_left_out_of_folders() {
         let path = folder.path().join(name);
         fs::write(&path, bytes).unwrap();
         let message = inspect(&path).unwrap_err().to_string();
-        assert!(message.contains(name) && message.contains("no ArduPilot") && message.contains(word), "{message}");
+        assert!(message.contains(name) && message.contains("not ArduPilot") && message.contains(word), "{message}");
         assert_eq!((Format::detect(&path), Format::of(&path).is_some()), (None, true));
     }
     assert!(matches!(paths([folder.path()]), Err(Error::EmptyFolder { .. })));
@@ -149,7 +149,7 @@ fn damage_is_counted_and_the_rest_is_read() {
 }
 
 #[test]
-fn formats_that_cannot_be_read_are_told_by_topic() {
+fn unreadable_formats_are_reported_by_topic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.log");
     let text = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 1, 20, ODD, Qx, TimeUS,A\n\

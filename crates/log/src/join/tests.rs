@@ -373,7 +373,7 @@ fn slow_rows_beside_a_fast_series_stream_through_all_segments() {
 }
 
 #[test]
-fn clocks_apart_are_told_with_their_ranges() {
+fn clocks_without_overlap_are_refused_with_their_ranges() {
     let simulated = ramp("/odom", (1..100).map(|i| i * 500_000_000), 0, |_| 0.0);
     let epoch = 1_700_000_000_000_000_000;
     let measured = ramp("/imu", (0..100).map(|i| epoch + i * 500_000_000), -epoch, |_| 0.0);
@@ -401,7 +401,7 @@ fn rates_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn what_the_receiver_refuses_ends_the_join() {
+fn error_of_the_receiver_ends_the_join() {
     let series = [ramp("/odom", 1..1000, 0, |_| 0.0)];
     let columns = [scalar(0, JoinKind::Linear, MaxGap::Auto)];
     let result = join(&series, &columns, Base::Series(0), &Silent, |_, _| Err(Error::NoFiles));

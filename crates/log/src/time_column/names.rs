@@ -124,7 +124,7 @@ pub(super) fn is_gps_week(name: &str) -> bool {
     WEEKS.contains(&&*letters(split_unit(name).0))
 }
 
-/// Whether a column's name is that of the time of the week, and its unit if the name tells it.
+/// `Some` if a column's name is that of the time of the week, with the unit that the name gives.
 pub(super) fn time_of_week(name: &str) -> Option<Option<TimeUnit>> {
     const MILLISECONDS: [&str; 8] =
         ["gms", "itow", "towms", "gpsms", "weekms", "timeweekms", "msofweek", "gpsmilliseconds"];

@@ -71,7 +71,7 @@ fn dates_need_no_unit_and_go_before_numbers() {
 }
 
 #[test]
-fn what_does_not_rise_or_is_not_the_only_one_is_no_clock() {
+fn columns_that_do_not_rise_or_are_ambiguous_are_no_clock() {
     // A temperature, by its capital letter or by its values.
     assert_eq!(column(&[("T", Float, &[20.0, 21.5, 21.0, 22.0])]), None);
     assert_eq!(column(&[("T", Float, &[20.0, 23.0, 24.0, 24.2]), ("u", Float, &FALLING)]), None, "uneven");

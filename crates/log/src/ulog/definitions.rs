@@ -100,7 +100,7 @@ pub(super) struct Definitions {
     /// Bytes of definitions that may still be copied.
     budget: usize,
     topics: Vec<Found>,
-    topics: BTreeMap<(String, u8), usize>,
+    index_by_name: BTreeMap<(String, u8), usize>,
     channels: Vec<Channel>,
     /// The channels that each number has stood for, in the order of the file.
     by_id: Vec<Vec<usize>>,
@@ -114,7 +114,7 @@ impl Default for Definitions {
             described: BTreeMap::new(),
             budget: MAX_DEFINITIONS,
             topics: Vec::new(),
-            topics: BTreeMap::new(),
+            index_by_name: BTreeMap::new(),
             channels: Vec::new(),
             by_id: vec![Vec::new(); LOGGED_TAGGED + 1],
             notes: BTreeSet::new(),
@@ -180,7 +180,7 @@ impl Definitions {
         described: impl FnOnce() -> Result<Arc<Described>, String>,
     ) {
         let (format, instance) = key.clone();
-        let topic = *self.topics.entry(key).or_insert_with(|| {
+        let topic = *self.index_by_name.entry(key).or_insert_with(|| {
             let name = if instance == 0 { format!("/{format}") } else { format!("/{format}.{instance}") };
             self.topics.push(Found { name, format, described: described() });
             self.topics.len() - 1

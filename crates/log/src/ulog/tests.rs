@@ -147,7 +147,7 @@ fn large_files_have_several_pieces_with_the_same_messages() {
 }
 
 #[test]
-fn what_the_file_says_of_itself() {
+fn file_information_is_read() {
     let scrap = Scrap::new();
     let pairs = scrap.open(&flight(40).bytes).unwrap().metadata();
     let expected = [
@@ -311,7 +311,7 @@ fn every_changed_byte_leaves_what_stands_before_it() {
 }
 
 #[test]
-fn definitions_that_contradict_each_other_are_told() {
+fn contradicting_definitions_are_reported() {
     let scrap = Scrap::new();
     let mut log = Ulog::new(0);
     log.format("a:uint64_t timestamp;float x;")
@@ -365,11 +365,11 @@ fn sizes_that_lie_take_no_memory() {
 }
 
 #[test]
-fn other_files_are_told_apart() {
+fn other_files_are_recognised() {
     let scrap = Scrap::new();
     for (bytes, word) in [(&b"ULog"[..], "only the first bytes"), (b"t,x\n1,2\n", "text"), (mcap::MAGIC, ".mcap")] {
         let message = scrap.open(bytes).unwrap_err().to_string();
-        assert!(message.contains(word) && message.contains("no ULog file"), "{message}");
+        assert!(message.contains(word) && message.contains("not ULog"), "{message}");
     }
     let packed = zstd::encode_all(&flight(4000).bytes[..], 3).unwrap();
     let path = scrap.folder.path().join("run.ulg.zst");

@@ -210,7 +210,7 @@ fn names_that_are_wrong_or_shared() {
 }
 
 #[test]
-fn what_is_no_text_is_named() {
+fn non_text_is_refused_by_name() {
     let folder = Folder::new();
     for (name, bytes, word) in [
         ("a.csv", &b"PAR1\x15\x04rest"[..], "Parquet"),
@@ -324,7 +324,7 @@ fn a_header_in_a_comment_above_rows_with_words() {
 }
 
 #[test]
-fn a_file_without_stamps_keeps_what_is_said_of_its_rows() {
+fn file_without_stamps_keeps_its_row_notes() {
     let folder = Folder::new();
     // Its name is no word about episodes.
     let path = folder.file("episode_3.csv", "lap,x\n1,4\n#lap,9\n2,3\n1,7\n");

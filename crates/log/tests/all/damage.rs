@@ -113,7 +113,7 @@ fn flipped_bytes_of_a_parquet_file_do_no_harm() {
 }
 
 #[test]
-fn garbage_and_wrong_names_are_told_apart() {
+fn garbage_and_wrong_extensions_have_different_errors() {
     let folder = tempfile::tempdir().unwrap();
     let garbage: Vec<u8> = (0..5_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let text = b"t_s,x,c\n0,1,a\n1,2,b\n".to_vec();

@@ -140,7 +140,7 @@ fn codecs_encodings_and_units() {
 }
 
 #[test]
-fn a_file_without_rows_says_so() {
+fn file_without_rows_is_refused() {
     for time in [TimeSpec::Auto, TimeSpec::Uniform { dt_seconds: 0.1 }] {
         let selection = Selection { time, ..Selection::new(["x"]) };
         assert!(matches!(open(&[fixture("empty")], &selection), Err(Error::NoRows { .. })));

@@ -79,7 +79,7 @@ fn every_number_of_the_logs_of_other_writers() {
 }
 
 #[test]
-fn damage_is_told() {
+fn damage_is_reported() {
     let Some(python) = python() else { return };
     let folder = write_logs(&python);
     for path in files(folder.path()) {
@@ -106,7 +106,7 @@ fn elements_of_long_arrays_are_read_when_named() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_and_the_rest_is_read() {
+fn unreadable_topics_are_refused_and_the_rest_is_read() {
     let Some(python) = python() else { return };
     let folder = write_logs(&python);
     let path = folder.path().join("odd_channels.mcap");

@@ -99,7 +99,7 @@ fn numbers_that_json_does_not_have_are_missing() {
 }
 
 #[test]
-fn damage_is_told_with_its_place() {
+fn damage_is_reported_with_its_offset() {
     let error = plain().value(b"{\n \"a\": 1,\n \"b\": ?}").unwrap_err();
     assert_eq!(error.offset, 17);
     assert!(error.problem.contains("expected value"), "{error}");

@@ -238,7 +238,7 @@ fn the_last_member_of_a_oneof_counts_even_if_it_is_not_wanted() {
 }
 
 #[test]
-fn wrong_fields_are_told_with_the_nearest() {
+fn wrong_fields_are_reported_with_the_nearest() {
     let codec = codec_of("t.State");
     let error = |path: &str| codec.compile(&paths(&[path])).err().unwrap().to_string();
     assert_eq!(error("positon[0]"), "there is no field `positon[0]`; the nearest is `position`");

@@ -90,11 +90,11 @@ pub(super) fn resolve(schema: &Schema, fields: &[FieldPath]) -> Result<Wanted, S
     let mut wanted = Wanted { root: Want::default(), groups: Vec::new(), slots: fields.len(), registers: 0 };
     let mut groups: HashMap<&[Move], usize> = HashMap::new();
     for (slot, (resolved_field, field)) in resolved.iter().zip(fields).enumerate() {
-        let key = resolved_field.moves.get(..first_name.key.0).unwrap_or_default();
+        let key = resolved_field.moves.get(..resolved_field.key.0).unwrap_or_default();
         let count = wanted.groups.len();
         let group = *groups.entry(key).or_insert(count);
         if group == count {
-            let steps = field.steps.get(..first_name.key.1).unwrap_or_default().to_vec();
+            let steps = field.steps.get(..resolved_field.key.1).unwrap_or_default().to_vec();
             let key = (!steps.is_empty()).then_some(FieldPath { steps });
             wanted.groups.push(Group { key, slots: Vec::new() });
         }

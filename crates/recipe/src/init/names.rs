@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_words_and_none_comes_twice() {
+    fn names_are_unique_words() {
         let mut names = Names::besides(["yaw"]);
         let taken = ["yaw", "yaw", "v [m/s]", "2nd", "pi", "", "a.b", "a_b"].map(|wanted| names.take(wanted));
         assert_eq!(taken, ["yaw_2", "yaw_3", "v__m_s", "_2nd", "pi_2", "c", "a_b", "a_b_2"]);

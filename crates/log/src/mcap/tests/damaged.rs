@@ -85,7 +85,7 @@ fn every_truncation_is_read_up_to_the_cut() {
 }
 
 #[test]
-fn changed_bytes_invent_nothing_and_what_is_lost_is_told() {
+fn changed_bytes_invent_no_messages_and_losses_are_reported() {
     let truth = truth(1200);
     let changes = if full() { 700 } else { 70 };
     for (v, (name, options)) in variants().into_iter().enumerate() {

@@ -81,7 +81,7 @@ fn rotations_go_on_the_great_arc_whatever_sign_is_written() {
 }
 
 #[test]
-fn a_latched_topic_holds_for_ever_when_told_so() {
+fn latched_topic_holds_without_limit_if_max_gap_is_none() {
     let mut log = Log::new();
     log.write("/friction", START, &Float64 { data: 0.75 });
     log.drive(|_, at| Some((at, at + 2 * MILLISECOND)));

@@ -67,7 +67,7 @@ fn damaged_columns_are_decoded_anew() {
 }
 
 #[test]
-fn another_question_has_its_own_columns() {
+fn each_selection_has_separate_cached_columns() {
     let log = usual();
     let (selection, folder) = cached(&log);
     log.open(&selection);

@@ -10,7 +10,7 @@ fn holds(message: &str, parts: &[&str]) {
 }
 
 #[test]
-fn what_the_log_does_not_have_is_named_with_the_nearest() {
+fn missing_names_are_reported_with_the_nearest() {
     let mut log = Log::new();
     log.drive(|_, at| Some((at, at)));
     log.announce::<Float64>("/quiet");
@@ -45,7 +45,7 @@ fn what_the_log_does_not_have_is_named_with_the_nearest() {
 }
 
 #[test]
-fn a_log_of_which_nothing_is_asked_is_refused() {
+fn request_without_columns_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let mut writer = fleetfoot_output::McapWriter::create(&path, &fleetfoot_output::McapOptions::default()).unwrap();

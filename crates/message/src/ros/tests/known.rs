@@ -191,7 +191,7 @@ module pkg { module msg { @final struct B { boolean x; builtin_interfaces::msg::
 }
 
 #[test]
-fn idl_that_cannot_be_read_says_why() {
+fn unreadable_idl_has_a_reason() {
     let parse = |text: &str| {
         problem(codec("cdr", "p/msg/A", "ros2idl", format!("module p {{ module msg {{ {text} }}; }};").as_bytes()))
     };
