@@ -419,6 +419,36 @@ pub(crate) enum Method {
     Rk4,
 }
 
+/// Scores of simulated paths.
+#[derive(Debug, Args)]
+pub(crate) struct PathArgs {
+    /// States whose path is compared with the recorded one, separated by commas and of one unit: `x,y`; distance,
+    /// direction, relative growth of the distance, time warping (default: none).
+    #[arg(long, value_name = "STATES")]
+    pub(crate) position: Option<List>,
+    /// A state that follows a column or expression at once, as a baseline, or a rate that does: `vx=vx_ref`,
+    /// `d(x)/dt=vx_ref`; may be repeated (default: no such baseline).
+    #[arg(long, value_name = "STATE=EXPRESSION")]
+    pub(crate) reference: Vec<String>,
+    /// Steps over which the relative growth of the distance is taken.
+    #[arg(long, value_name = "STEPS", default_value_t = 1, requires = "position", value_parser = whole::<usize>(1..=10_000_000))]
+    pub(crate) interval: usize,
+    /// Steps by which time warping may shift a point (default: a tenth of the horizon).
+    #[arg(long, value_name = "STEPS", requires = "position", value_parser = whole::<usize>(0..=10_000_000))]
+    pub(crate) band: Option<usize>,
+}
+
+impl PathArgs {
+    pub(crate) fn options(&self) -> fleetfoot::dynamics::PathOptions {
+        fleetfoot::dynamics::PathOptions {
+            position: self.position.iter().flat_map(|list| list.0.iter().cloned()).collect(),
+            references: self.reference.clone(),
+            interval: Some(self.interval),
+            band: self.band,
+        }
+    }
+}
+
 /// Source of the inputs of simulations.
 #[derive(Debug, Args)]
 pub(crate) struct ControllerArgs {
@@ -461,10 +491,8 @@ pub(crate) struct Rollout {
     /// Rule for a trajectory with a regressor outside the training range of its region.
     #[arg(long, value_enum, default_value = "tell")]
     pub(crate) outside: OutsideArg,
-    /// States whose Euclidean distance from the recording is reported too, separated by commas and of one unit: `x,y`
-    /// (default: none).
-    #[arg(long, value_name = "STATES")]
-    pub(crate) position: Option<List>,
+    #[command(flatten)]
+    pub(crate) paths: PathArgs,
     /// Seed of random starts (default: starts are evenly spread).
     #[arg(long, value_name = "SEED")]
     pub(crate) seed: Option<u64>,

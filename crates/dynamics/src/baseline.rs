@@ -23,6 +23,8 @@ pub enum Baseline {
     /// The last change again: `x + (x - x_previous)` for a next value, the previous difference for a difference. For a
     /// derivative it is 0 (the state of which it is the rate keeps its value).
     ConstantVelocity,
+    /// In a rollout, states that follow their references at once ([`RolloutOptions::references`](crate::RolloutOptions::references)).
+    Reference,
 }
 
 impl Baseline {
@@ -32,6 +34,7 @@ impl Baseline {
             Baseline::Null => "null",
             Baseline::Persistence => "persistence",
             Baseline::ConstantVelocity => "constant velocity",
+            Baseline::Reference => "reference",
         }
     }
 }

@@ -59,6 +59,14 @@ pub enum Error {
     /// A column that follows from simulated ones cannot be computed in time.
     #[error(transparent)]
     Closed(#[from] fleetfoot_model::ClosedError),
+    /// A reference that cannot be followed.
+    #[error("the reference `{text}` {problem}")]
+    Reference {
+        /// The reference.
+        text: String,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// No episode is long enough for the horizon.
     #[error(
         "no episode is long enough: a rollout of {horizon} steps needs {needed} consecutive rows, the longest episode{} has {longest}; choose a shorter horizon",

@@ -7,8 +7,10 @@ use fleetfoot_library::UnknownColumn;
 use fleetfoot_model::Model;
 
 use crate::{
-    Baseline, Basis, End, Error, Estimate, Mahalanobis, RawHorizon, RolloutOptions, Simulator, Trajectory,
-    geometry::{Component, Geometry, parts},
+    Baseline, Basis, End, Error, Estimate, Mahalanobis, PathScores, RawHorizon, RolloutOptions, Simulator, Trajectory,
+    geometry::{Component, Geometry, Shape, parts},
+    path::{alignment, propagated_error, warping_distance},
+    reference::References,
     window::Window,
 };
 
@@ -34,6 +36,19 @@ pub struct Horizon {
     pub better: Vec<(Baseline, Vec<StepSpan>)>,
     /// Parts that the intervals compare.
     pub basis: Basis,
+    /// The model's paths beside those of the [references](crate::RolloutOptions::references), where the reference has
+    /// the columns of the position.
+    pub beside_reference: Option<ReferencePair>,
+}
+
+/// Distance of the model's paths from those of the reference.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ReferencePair {
+    /// The distance over whole rollouts.
+    pub displacement: RolloutSummary,
+    /// Direction, growth and time warping.
+    pub path: PathScores,
 }
 
 /// Scores by step, from step 1.
@@ -52,6 +67,16 @@ pub struct HorizonScore {
     pub displacement: Vec<Estimate>,
     /// The distance over whole rollouts; `None` where there is none.
     pub displacement_summary: Option<RolloutSummary>,
+    /// Direction, growth of the distance and time warping of the position's path; `None` without a position.
+    pub path: Option<PathScores>,
+    /// Mean cosine of the errors of angles and rotations, by step; empty where the model has none.
+    pub orientation: Vec<Estimate>,
+    /// The cosine over whole rollouts; `None` without an angle or a rotation.
+    pub average_orientation: Option<Estimate>,
+    /// Explained variance `1 - var(error) / var(measured)` over the starts, steps x states; NaN for rotations.
+    pub explained_variance_by_step: Vec<f64>,
+    /// Explained variance of each state over all steps. Intervals need two episodes.
+    pub explained_variance: Vec<Estimate>,
 }
 
 /// Averages over rollouts of equal weight: displacement and its growth (section 7.1 of *Towards Sim-to-Real via
@@ -98,7 +123,8 @@ pub struct StepSpan {
 }
 
 /// The baselines of rollouts.
-pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [Baseline::Null, Baseline::Persistence, Baseline::ConstantVelocity];
+pub(crate) const ROLLOUT_BASELINES: [Baseline; 4] =
+    [Baseline::Null, Baseline::Persistence, Baseline::ConstantVelocity, Baseline::Reference];
 
 /// Scorer of windows.
 pub(crate) struct HorizonScorer {
@@ -115,6 +141,15 @@ pub(crate) struct HorizonScorer {
     columns: Vec<usize>,
     /// Positions, among the reported components, of the columns of the displacement.
     position: Vec<usize>,
+    /// States of these columns.
+    place: Vec<usize>,
+    /// Positions, among the reported components, of angles and rotations.
+    turned: Vec<usize>,
+    /// Training means, for variances without cancellation.
+    mean: Vec<f64>,
+    interval: usize,
+    band: usize,
+    references: Option<References>,
 }
 
 /// The states' velocities in front of a start.
@@ -143,8 +178,14 @@ impl Velocity {
 
 /// Scores of a summary, behind those of the steps.
 const SUMMARY: usize = 3;
-/// Predictors: the model and the baselines.
-const PREDICTORS: usize = 1 + ROLLOUT_BASELINES.len();
+/// Predictors: the model, the baselines, and the model beside the reference.
+const PREDICTORS: usize = 2 + ROLLOUT_BASELINES.len();
+const REFERENCE: usize = ROLLOUT_BASELINES.len();
+const PAIR: usize = PREDICTORS - 1;
+/// Places of whole rollouts in the scores of the direction, behind its steps.
+const AVERAGE: usize = 0;
+const GROWTH: usize = 1;
+const WARPING: usize = 2;
 
 /// Errors of one predictor: per step and state.
 #[derive(Clone, Default)]
@@ -152,6 +193,47 @@ struct ErrorTable {
     square: Vec<f64>,
     absolute: Vec<f64>,
     rows: Vec<f64>,
+    spread: Vec<Spread>,
+}
+
+/// Sums behind the explained variance of a state.
+#[derive(Clone, Copy, Default)]
+struct Spread {
+    rows: f64,
+    error: f64,
+    error_square: f64,
+    measured: f64,
+    measured_square: f64,
+}
+
+impl Spread {
+    fn add(&mut self, error: f64, measured: f64) {
+        let one =
+            Self { rows: 1.0, error, error_square: error * error, measured, measured_square: measured * measured };
+        self.merge(&one);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.rows += other.rows;
+        self.error += other.error;
+        self.error_square += other.error_square;
+        self.measured += other.measured;
+        self.measured_square += other.measured_square;
+    }
+
+    /// Sums of the squared deviations of error and measurement from the means of `all`.
+    fn about(&self, all: &Self) -> (f64, f64) {
+        let (error, measured) = (all.error / all.rows, all.measured / all.rows);
+        let about = |square: f64, sum: f64, mean: f64| self.rows.mul_add(mean * mean, square - 2.0 * mean * sum);
+        (about(self.error_square, self.error, error), about(self.measured_square, self.measured, measured))
+    }
+
+    fn explained(&self) -> f64 {
+        let (error, measured) = self.about(self);
+        let explained = if measured > 0.0 { 1.0 - error / measured } else { f64::NAN };
+        // Differences of sums have no more digits.
+        if explained.abs() < 1e-12 { 0.0 } else { explained }
+    }
 }
 
 /// Sums over starts, mergeable in order. Predictors: the model, then the baselines.
@@ -168,12 +250,20 @@ pub(crate) struct HorizonSums {
     scores: Vec<Vec<[f64; 3]>>,
     /// Per episode, predictor and step: sum of the scores and their number.
     episodes: Vec<(usize, Vec<Vec<[f64; 2]>>)>,
+    /// Per episode, in the same order, and predictor and state: sums over all steps.
+    spreads: Vec<Vec<Spread>>,
+    states: usize,
 }
 
 impl HorizonScorer {
     /// # Errors
     /// [`Error::UnknownColumn`] for a position that is not an advanced state.
-    pub(crate) fn new(model: &Model, simulator: &Simulator, options: &RolloutOptions) -> Result<Self, Error> {
+    pub(crate) fn new(
+        model: &Model,
+        simulator: &Simulator,
+        options: &RolloutOptions,
+        references: Option<References>,
+    ) -> Result<Self, Error> {
         let (horizon, shown) = (options.horizon, simulator.shown());
         let names = simulator.states();
         let geometry = Geometry::new(model, &shown.iter().map(|state| state.column).collect::<Vec<_>>());
@@ -200,15 +290,29 @@ impl HorizonScorer {
             |i, j| training.state_covariance[packed(order(i), order(j))],
             |s| training.state_mean.get(order(s)).copied().unwrap_or_else(|| geometry.neutral(s)),
         );
-        let scored: Vec<Range<usize>> = components
-            .iter()
-            .zip(parts(&components))
-            .filter(|(component, _)| counts(component))
-            .map(|(_, span)| span)
-            .collect();
+        let scored: Vec<Range<usize>> =
+            components.iter().zip(parts(&components)).filter(|(own, _)| counts(own)).map(|(_, span)| span).collect();
+        let position: Vec<usize> = options.position.iter().map(place).collect::<Result<_, _>>()?;
+        let state = |&component: &usize| match components[component] {
+            Component::State(state) => Some(state),
+            Component::Group(_) => None,
+        };
+        let is_turned = |component: &usize| match components[*component] {
+            Component::State(state) => matches!(geometry.shapes[state], Shape::Circle),
+            Component::Group(_) => true,
+        };
+        let mean = |own: &crate::state::State| {
+            own.order.and_then(|order| training.state_mean.get(order)).copied().filter(|mean| mean.is_finite())
+        };
         Ok(Self {
             horizon,
-            position: options.position.iter().map(place).collect::<Result<_, _>>()?,
+            place: position.iter().filter_map(state).collect(),
+            position,
+            turned: (0..components.len()).filter(is_turned).collect(),
+            mean: shown.iter().map(|own| mean(own).unwrap_or_default()).collect(),
+            interval: options.interval.max(1),
+            band: options.band.unwrap_or_else(|| horizon.div_ceil(10)),
+            references,
             states: shown.len(),
             metric: Mahalanobis::of_covariance(&covariance, scored.iter().map(Range::len).sum()),
             scored,
@@ -219,9 +323,14 @@ impl HorizonScorer {
     }
 
     pub(crate) fn empty(&self) -> HorizonSums {
-        let kinds = if self.position.is_empty() { 1 } else { 2 };
+        let kinds = 1 + self.path_kinds() + usize::from(!self.turned.is_empty());
         let cells = self.horizon * self.components.len();
-        let table = ErrorTable { square: vec![0.0; cells], absolute: vec![0.0; cells], rows: vec![0.0; cells] };
+        let table = ErrorTable {
+            square: vec![0.0; cells],
+            absolute: vec![0.0; cells],
+            rows: vec![0.0; cells],
+            spread: vec![Spread::default(); cells],
+        };
         HorizonSums {
             starts: 0,
             time: vec![0.0; self.horizon],
@@ -230,7 +339,19 @@ impl HorizonScorer {
             tables: vec![table; PREDICTORS],
             scores: vec![vec![[0.0; 3]; self.horizon + SUMMARY]; kinds * PREDICTORS],
             episodes: Vec::new(),
+            spreads: Vec::new(),
+            states: self.components.len(),
         }
+    }
+
+    /// Kinds of scores of a path: distance and direction.
+    fn path_kinds(&self) -> usize {
+        if self.position.is_empty() { 0 } else { 2 }
+    }
+
+    /// Place of the scores of the angles' cosine.
+    fn orientation(&self) -> usize {
+        (1 + self.path_kinds()) * PREDICTORS
     }
 
     /// Adds one start: the model's trajectory, the null model's, and the recording. `time` holds horizon + 1 seconds.
@@ -256,42 +377,131 @@ impl HorizonScorer {
         let mut size = vec![0.0; self.components.len()];
         let mut vector = Vec::with_capacity(error.len());
         let mut scratch = vec![0.0; self.metric.width()];
+        let reference = self.references.as_ref().map(|own| own.paths(window, time, &measured));
+        let beside: Vec<&[f64]> = reference.iter().flatten().map(Vec::as_slice).collect();
+        let mut paths = vec![Vec::new(); PREDICTORS];
+        let mut distances = vec![Vec::new(); PREDICTORS];
+        let predictors = if reference.is_some() { PREDICTORS } else { REFERENCE };
         for k in 1..=self.horizon {
             sums.time[k - 1] += time[k];
             sums.ended[k - 1] += u64::from(model.end != End::Horizon && k > model.steps());
-            for predictor in 0..=ROLLOUT_BASELINES.len() {
+            for predictor in 0..predictors {
                 for (s, value) in value.iter_mut().enumerate() {
                     *value = match (predictor, null) {
-                        (0, _) => model.state(k)[s],
+                        (0 | PAIR, _) => model.state(k)[s],
                         (1, Some(null)) => null.state(k)[s],
                         (1, None) => f64::NAN,
                         (2, _) => measured[s][1],
+                        (REFERENCE, _) => beside[s][k + 1],
                         _ => time[k].mul_add(velocity.states[s], measured[s][1]),
                     };
                 }
-                if predictor > 2 {
+                if predictor == 3 {
                     velocity.turn(&self.geometry, &measured, time[k], &mut value);
                 }
-                self.errors(&measured, k + 1, &value, &mut error, &mut size);
-                let cell = (k - 1) * self.components.len();
-                sums.tables[predictor].add(cell, &size);
-                vector.clear();
-                self.scored.iter().for_each(|span| vector.extend_from_slice(&error[span.clone()]));
-                if !vector.is_empty() && vector.iter().all(|value| value.is_finite()) {
-                    let score = self.metric.score_with(&vector, &mut scratch);
-                    sums.push(episode, predictor, k - 1, score);
-                    series[predictor].push((time[k], score));
+                let against = if predictor == PAIR { beside.as_slice() } else { measured.as_slice() };
+                self.errors(against, k + 1, &value, &mut error, &mut size);
+                if predictor != PAIR {
+                    let cell = (k - 1) * self.components.len();
+                    sums.tables[predictor].add(cell, &size);
+                    self.add_spread((predictor, episode, k), &measured, &size, sums);
+                    vector.clear();
+                    self.scored.iter().for_each(|span| vector.extend_from_slice(&error[span.clone()]));
+                    if !vector.is_empty() && vector.iter().all(|value| value.is_finite()) {
+                        let score = self.metric.score_with(&vector, &mut scratch);
+                        sums.push(episode, predictor, k - 1, score);
+                        series[predictor].push((time[k], score));
+                    }
                 }
-                if !self.position.is_empty() && self.position.iter().all(|&s| size[s].is_finite()) {
+                if !self.position.is_empty() {
                     let distance = self.position.iter().map(|&s| size[s] * size[s]).sum::<f64>().sqrt();
-                    sums.push(episode, PREDICTORS + predictor, k - 1, distance);
-                    series[PREDICTORS + predictor].push((time[k], distance));
+                    distances[predictor].push(distance);
+                    paths[predictor].extend(self.place.iter().map(|&s| value[s]));
+                    if distance.is_finite() {
+                        sums.push(episode, PREDICTORS + predictor, k - 1, distance);
+                        series[PREDICTORS + predictor].push((time[k], distance));
+                    }
+                }
+                let cosines = || self.turned.iter().map(|&own| size[own].cos()).filter(|cosine| cosine.is_finite());
+                if cosines().next().is_some() {
+                    let mean = cosines().sum::<f64>() / cosines().count() as f64;
+                    sums.push(episode, self.orientation() + predictor, k - 1, mean);
+                    series[self.orientation() + predictor].push((time[k], mean));
                 }
             }
         }
         for (predictor, series) in series.iter().enumerate() {
             for (at, value) in summary(series).into_iter().flatten().enumerate() {
                 sums.push(episode, predictor, self.horizon + at, value);
+            }
+        }
+        for predictor in (0..predictors).filter(|_| !self.position.is_empty()) {
+            let against = if predictor == PAIR { beside.as_slice() } else { measured.as_slice() };
+            self.add_path((predictor, episode), against, &paths[predictor], &distances[predictor], sums);
+        }
+    }
+
+    /// Adds direction, growth of the distance and time warping of one path.
+    fn add_path(
+        &self,
+        (predictor, episode): (usize, usize),
+        recorded: &[&[f64]],
+        path: &[f64],
+        distances: &[f64],
+        sums: &mut HorizonSums,
+    ) {
+        let width = self.place.len();
+        // Angles without jumps, so that increments and distances are those of the shorter way.
+        let unwrapped = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            let mut path: Vec<f64> = self.place.iter().map(|&s| recorded[s][1]).collect();
+            for k in 1..=self.horizon {
+                for (i, &s) in self.place.iter().enumerate() {
+                    let before = path[(k - 1) * width + i];
+                    let now = value(k, i);
+                    let step = matches!(self.geometry.shapes[s], Shape::Circle).then(|| crate::wrap(now - before));
+                    path.push(step.map_or(now, |step| before + step));
+                }
+            }
+            path
+        };
+        let own = unwrapped(&|k, i| path[(k - 1) * width + i]);
+        let other = unwrapped(&|k, i| recorded[self.place[i]][k + 1]);
+        let row = 2 * PREDICTORS + predictor;
+        let increment = |path: &[f64], k: usize| -> Vec<f64> {
+            (0..width).map(|i| path[k * width + i] - path[(k - 1) * width + i]).collect()
+        };
+        let (mut sum, mut count) = (0.0, 0.0);
+        for k in 1..=self.horizon {
+            if let Some(cosine) = alignment(&increment(&own, k), &increment(&other, k)) {
+                sums.push(episode, row, k - 1, cosine);
+                (sum, count) = (sum + cosine, count + 1.0);
+            }
+        }
+        let mut push = |at: usize, value: Option<f64>| {
+            if let Some(value) = value.filter(|value| value.is_finite()) {
+                sums.push(episode, row, self.horizon + at, value);
+            }
+        };
+        push(AVERAGE, (count > 0.0).then(|| sum / count));
+        push(GROWTH, propagated_error(distances, self.interval));
+        push(WARPING, warping_distance(&own, &other, width, self.band));
+    }
+
+    /// Adds errors and measurements to the sums behind the explained variance.
+    fn add_spread(
+        &self,
+        (predictor, episode, k): (usize, usize, usize),
+        measured: &[&[f64]],
+        size: &[f64],
+        sums: &mut HorizonSums,
+    ) {
+        let width = self.components.len();
+        for (t, components) in self.components.iter().enumerate() {
+            let Component::State(state) = *components else { continue };
+            let value = self.geometry.difference(state, |s| measured[s][k + 1], |s| self.mean[s]);
+            if size[t].is_finite() && value.is_finite() {
+                sums.tables[predictor].spread[(k - 1) * width + t].add(size[t], value);
+                sums.spreads[episode][predictor * width + t].add(size[t], value);
             }
         }
     }
@@ -359,7 +569,22 @@ impl HorizonScorer {
                 [] => None,
                 _ => Some(sums.summary(PREDICTORS + predictor, self.horizon)),
             },
+            path: (!self.position.is_empty()).then(|| sums.path(2 * PREDICTORS + predictor, self.horizon)),
+            orientation: match self.turned.as_slice() {
+                [] => Vec::new(),
+                _ => (0..self.horizon).map(|k| sums.estimate(self.orientation() + predictor, k)).collect(),
+            },
+            average_orientation: (!self.turned.is_empty())
+                .then(|| sums.estimate(self.orientation() + predictor, self.horizon)),
+            explained_variance_by_step: sums.tables[predictor].spread.iter().map(Spread::explained).collect(),
+            explained_variance: (0..self.components.len()).map(|state| sums.explained(predictor, state)).collect(),
         };
+        let pair = PREDICTORS + PAIR;
+        let beside_reference =
+            sums.scores.get(pair).filter(|own| self.path_kinds() > 0 && own[0][2] > 0.0).map(|_| ReferencePair {
+                displacement: sums.summary(pair, self.horizon),
+                path: sums.path(pair + PREDICTORS, self.horizon),
+            });
         let time: Vec<f64> = sums.time.iter().map(|time| time / starts).collect();
         let model = score(0);
         // A baseline that does not exist for this model has no rows.
@@ -373,6 +598,7 @@ impl HorizonScorer {
             useful: useful_horizon(&time, &model, &baselines),
             better: baselines
                 .iter()
+                .filter(|(_, score)| score.mahalanobis.iter().any(|own| own.value.is_finite()))
                 .map(|(baseline, score)| {
                     (*baseline, spans(&time, |k| beats(&model, k, Some((*baseline, score.mahalanobis[k].value)))))
                 })
@@ -387,6 +613,7 @@ impl HorizonScorer {
             model,
             baselines,
             basis,
+            beside_reference,
         }
     }
 }
@@ -468,6 +695,7 @@ impl ErrorTable {
         {
             sum.iter_mut().zip(other).for_each(|(a, b)| *a += b);
         }
+        self.spread.iter_mut().zip(&other.spread).for_each(|(a, b)| a.merge(b));
     }
 }
 
@@ -485,6 +713,30 @@ impl HorizonSums {
         RolloutSummary { average, last, drift }
     }
 
+    /// Scores of the paths whose direction stands in `row`.
+    fn path(&self, row: usize, horizon: usize) -> PathScores {
+        PathScores {
+            alignment: (0..horizon).map(|k| self.estimate(row, k)).collect(),
+            average_alignment: self.estimate(row, horizon + AVERAGE),
+            propagated_error: self.estimate(row, horizon + GROWTH),
+            warping_distance: self.estimate(row, horizon + WARPING),
+        }
+    }
+
+    /// Explained variance of a state over all steps. Its derivatives by the means are 0, so that the interval is that
+    /// of a ratio of sums.
+    fn explained(&self, predictor: usize, state: usize) -> Estimate {
+        let own = || self.spreads.iter().map(|spreads| &spreads[predictor * self.states + state]);
+        let mut all = Spread::default();
+        own().for_each(|spread| all.merge(spread));
+        let value = all.explained();
+        if self.episodes.len() < 2 || value.is_nan() {
+            return Estimate { value, low: f64::NAN, high: f64::NAN };
+        }
+        let share = Estimate::of_ratio(own().map(|spread| spread.about(&all)));
+        Estimate { value, low: 1.0 - share.high, high: 1.0 - share.low }
+    }
+
     /// The place of an episode's sums.
     fn episode(&mut self, episode: usize) -> usize {
         match self.episodes.iter().rposition(|(known, _)| *known == episode) {
@@ -492,6 +744,7 @@ impl HorizonSums {
             None => {
                 let length = self.time.len() + SUMMARY;
                 self.episodes.push((episode, vec![vec![[0.0; 2]; length]; self.scores.len()]));
+                self.spreads.push(vec![Spread::default(); PREDICTORS * self.states]);
                 self.episodes.len() - 1
             }
         }
@@ -507,8 +760,9 @@ impl HorizonSums {
         for (a, b) in self.scores.iter_mut().flatten().zip(other.scores.iter().flatten()) {
             (0..3).for_each(|i| a[i] += b[i]);
         }
-        for (episode, parts) in &other.episodes {
+        for ((episode, parts), spreads) in other.episodes.iter().zip(&other.spreads) {
             let place = self.episode(*episode);
+            self.spreads[place].iter_mut().zip(spreads).for_each(|(a, b)| a.merge(b));
             for (a, b) in self.episodes[place].1.iter_mut().flatten().zip(parts.iter().flatten()) {
                 (0..2).for_each(|i| a[i] += b[i]);
             }

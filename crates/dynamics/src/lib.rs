@@ -5,6 +5,7 @@
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
 //! - [`Stepper`] and [`Tangent`]: values at hand instead of a recording: steps, regions, exact derivatives.
 //! - [`free_run`]: whole episodes simulated from their first complete rows.
+//! - [`path`]: direction, growth of the distance and time warping of two paths.
 //! - [`controller`]: interface of a law that drives a model's inputs in a rollout.
 //! - [`geometry`]: difference of two states, of which some are angles or rotations.
 //!
@@ -54,6 +55,7 @@ mod layout;
 mod lean;
 mod metrics;
 pub mod parameter_error;
+pub mod path;
 mod plane;
 mod points;
 mod predict;
@@ -61,6 +63,7 @@ mod products;
 mod ranges;
 mod raw;
 mod recursion;
+mod reference;
 mod reign;
 mod rollout;
 mod rollout_options;
@@ -89,18 +92,20 @@ pub use baseline::Baseline;
 pub use domain::Domain;
 pub use error::Error;
 pub use free_run::{FreeRun, FreeRunOptions, FreeRunOutcome, FreeRunScore, OutputErrors, free_run};
-pub use horizon::{Horizon, HorizonScore, RolloutSummary, StepSpan, UsefulHorizon};
+pub use horizon::{Horizon, HorizonScore, ReferencePair, RolloutSummary, StepSpan, UsefulHorizon};
 pub use integrate::{Method, Step, typical_period};
 pub use metrics::{BaselineScore, CalibrationBin, EpisodeScore, Scores, Skipped, TargetScore};
 pub use parameter_error::ParameterError;
+pub use path::PathScores;
 pub use plane::{Axis, MAX_BINS, Plane, PlaneCell, plane};
 pub use points::Points;
 pub use predict::{Predicted, Predictor, PredictorWorkspace, RowStatus};
 pub use products::{NormalBlocks, Products};
 pub use raw::{RawError, RawHorizon};
+pub use reference::Reference;
 pub use reign::{Reign, reigns};
 pub use rollout::{Outcome, Recorded, Rollouts, rollout, rollout_beside_raw, rollout_closed_loop};
-pub use rollout_options::{Outside, RolloutOptions};
+pub use rollout_options::{Outside, PathOptions, RolloutOptions};
 pub use score::{ScoreOptions, score, score_beside_raw};
 pub use sensitivity::Coefficient;
 pub use shooting::{Segment, Shooting, ShootingOptions};

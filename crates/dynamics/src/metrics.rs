@@ -65,6 +65,9 @@ pub struct TargetScore {
     pub rmse: f64,
     /// Coefficient of determination, against the mean of these rows. Of a constant target 1 for a model without error, else 0, as in scikit-learn.
     pub r2: f64,
+    /// Explained variance `1 - var(error) / var(target)`: [`Self::r2`] of a model without its bias. Of a constant
+    /// target as [`Self::r2`].
+    pub explained_variance: f64,
     /// Mean error.
     pub bias: f64,
     /// Largest absolute error.

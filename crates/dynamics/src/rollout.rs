@@ -10,6 +10,7 @@ use crate::{
     End, Error, Horizon, Outside, RolloutOptions, Simulator, Start, Starts, Trajectory,
     controller::Controller,
     horizon::{HorizonScorer, HorizonSums},
+    reference::References,
     trajectories::GROUP,
     window::{Window, read_windows},
 };
@@ -164,7 +165,8 @@ fn roll_out(
     let starts = starts.choose(source, options.horizon, needed.before, needed.after)?;
     let map = simulator.column_map(source)?;
     let raw = raw.map(|raw| Ok::<_, Error>((raw, simulator.column_map(raw)?))).transpose()?;
-    let scorer = HorizonScorer::new(model, simulator, options)?;
+    let references = References::compile(model, simulator, &options.references, source)?;
+    let scorer = HorizonScorer::new(model, simulator, options, references)?;
     let mut sums = scorer.empty();
     let (mut outcomes, mut trajectories, mut missing) = (Vec::with_capacity(starts.len()), Vec::new(), 0);
     parallel_fold(

@@ -1,6 +1,37 @@
 //! Options of rollouts.
 
-use crate::{Error, Method, Step};
+use fleetfoot_model::Model;
+
+use crate::{Error, Method, Reference, Step};
+
+/// Options of the scores of paths, as text.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PathOptions {
+    /// [`RolloutOptions::position`].
+    pub position: Vec<String>,
+    /// [`RolloutOptions::references`], in the form of [`Reference::parse`].
+    pub references: Vec<String>,
+    /// [`RolloutOptions::interval`]; `None`: 1.
+    pub interval: Option<usize>,
+    /// [`RolloutOptions::band`].
+    pub band: Option<usize>,
+}
+
+impl PathOptions {
+    /// Adds them to the options of a model's rollouts.
+    ///
+    /// # Errors
+    /// Those of [`Reference::parse`].
+    pub fn apply(&self, model: &Model, options: &mut RolloutOptions) -> Result<(), Error> {
+        let names = || model.columns.iter().map(|column| column.name.as_str());
+        options.position.clone_from(&self.position);
+        options.references =
+            self.references.iter().map(|text| Reference::parse(text, names())).collect::<Result<_, _>>()?;
+        options.interval = self.interval.unwrap_or(1);
+        options.band = self.band;
+        Ok(())
+    }
+}
 
 /// Options of rollouts.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +49,12 @@ pub struct RolloutOptions {
     pub outside: Outside,
     /// States whose Euclidean distance from the recording is reported too; they share a unit.
     pub position: Vec<String>,
+    /// Steps over which the relative growth of that distance is taken.
+    pub interval: usize,
+    /// Places by which dynamic time warping may shift a point; `None`: a tenth of the horizon.
+    pub band: Option<usize>,
+    /// States that follow a reference in the baseline of that name.
+    pub references: Vec<Reference>,
     /// True to keep the trajectories in [`crate::rollout`].
     pub keep: bool,
 }
@@ -40,7 +77,18 @@ impl RolloutOptions {
     /// range noted, trajectories not kept.
     pub fn new(horizon: usize) -> Self {
         let (method, step, outside) = (Method::Rk4, Step::Median, Outside::Tell);
-        Self { horizon, method, step, divergence: 1e3, outside, position: Vec::new(), keep: false }
+        Self {
+            horizon,
+            method,
+            step,
+            divergence: 1e3,
+            outside,
+            position: Vec::new(),
+            interval: 1,
+            band: None,
+            references: Vec::new(),
+            keep: false,
+        }
     }
 
     pub(crate) fn validate(&self) -> Result<(), Error> {

@@ -347,6 +347,7 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
                 mae_over_sigma: sum.mean_absolute() / sigma,
                 rmse: sum.root_mean_square(),
                 r2: sum.r_squared(resolution(model, t)),
+                explained_variance: explained_variance(sum, resolution(model, t)),
                 bias: sum.bias(),
                 max: if sum.rows > 0 { sum.largest } else { f64::NAN },
                 deviation: sum.deviation_of_target(),
@@ -359,6 +360,16 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
             }
         })
         .collect()
+}
+
+/// One less the share of the target's variance that is left in the error.
+fn explained_variance(sum: &ErrorSum, resolution: f64) -> f64 {
+    let deviation = sum.deviation_of_target();
+    if deviation.is_nan() || deviation <= resolution {
+        return sum.r_squared(resolution);
+    }
+    let (error, bias) = (sum.root_mean_square(), sum.bias());
+    1.0 - (error * error - bias * bias).max(0.0) / (deviation * deviation)
 }
 
 /// Resolution of a target: smaller values are rounding.

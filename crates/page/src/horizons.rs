@@ -28,6 +28,7 @@ pub(crate) fn section(judged: &[Judged<'_>]) -> Option<Section> {
     let mut parts: Vec<Part> =
         Compared::of(judged).and_then(Result::ok).map(|compared| Part::Figure(scores(&compared))).into_iter().collect();
     parts.push(Part::Table(useful(&curves)));
+    parts.push(Part::Table(paths(&curves)));
     let states: Vec<Part> = (0..first.states.len())
         .filter(|&state| curves.iter().any(|(_, horizon)| rmse(horizon, state).iter().any(|value| value.is_finite())))
         .take(STATES)
@@ -101,6 +102,42 @@ fn useful(curves: &[(&str, &Horizon)]) -> Table {
         let rows = rows.chain(horizon.better.iter().map(|(baseline, spans)| (baseline.name().to_owned(), when(spans))));
         for (baseline, when) in rows {
             table = table.row([(*name).to_owned(), baseline, when].map(Cell::Text));
+        }
+    }
+    table
+}
+
+/// Explained variance, direction and distance of whole simulations, of each model and of its baselines.
+fn paths(curves: &[(&str, &Horizon)]) -> Table {
+    let mut table = Table::new(
+        "Whole simulations: explained variance (1 less the share of the measured variance that is left in the error), mean cosine of the errors of angles, \
+         and of a path (with a position) the mean distance, the mean cosine between its increments and the recorded ones, the relative growth of the distance \
+         and the distance of dynamic time warping.",
+        ["simulated", "score", "value", "95 % interval"],
+    );
+    for (name, horizon) in curves.iter().take(MODELS) {
+        let own = std::iter::once(((*name).to_owned(), &horizon.model));
+        let baselines = horizon.baselines.iter().map(|(which, score)| (format!("{name}: {}", which.name()), score));
+        for (who, score) in own.chain(baselines) {
+            let variances = horizon.states.iter().zip(&score.explained_variance);
+            let mut told: Vec<(String, Estimate)> = variances
+                .filter(|_| who == *name)
+                .map(|(state, own)| (format!("explained variance of {state}"), *own))
+                .collect();
+            told.extend(score.average_orientation.map(|own| ("cosine of the errors of angles".to_owned(), own)));
+            if let (Some(distance), Some(path)) = (&score.displacement_summary, &score.path) {
+                told.push(("displacement".to_owned(), distance.average));
+                told.push(("alignment".to_owned(), path.average_alignment));
+                told.push(("propagated error".to_owned(), path.propagated_error));
+                told.push(("time warping".to_owned(), path.warping_distance));
+            }
+            for (what, own) in told.into_iter().filter(|(_, own)| own.value.is_finite()) {
+                let interval = match own.low.is_finite() {
+                    true => format!("{} to {}", number(own.low), number(own.high)),
+                    false => "-".to_owned(),
+                };
+                table = table.row([who.clone(), what, number(own.value), interval].map(Cell::Text));
+            }
         }
     }
     table

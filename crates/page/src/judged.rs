@@ -48,7 +48,8 @@ impl<'a> Judged<'a> {
         let scores = said(score_rows(model, dataset, progress))?;
         let longest = dataset.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
         let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(longest / SHARE).max(1));
-        let long = RolloutOptions::new(horizon);
+        let mut long = RolloutOptions::new(horizon);
+        options.paths.apply(model, &mut long)?;
         let closed_by = options.controller.as_ref();
         // A controller may read columns that the model does not.
         let opened = closed_by.map(|_| opened_to_roll(model, changes, logs, closed_by, progress)).transpose()?;

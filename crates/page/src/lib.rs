@@ -38,7 +38,7 @@ use std::{
 use fitting::Fit;
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::Logs;
-use fleetfoot_dynamics::controller::Controller;
+use fleetfoot_dynamics::{PathOptions, controller::Controller};
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_output::{check_outputs, together, write_atomic};
@@ -65,6 +65,8 @@ pub struct ReportOptions {
     /// Two columns, or expressions over columns: the page shows on their plane where the best model errs, and where its regions change. `None`: the angles of a model
     /// that has two, else none.
     pub plane: Option<[String; 2]>,
+    /// Scores of simulated paths.
+    pub paths: PathOptions,
     /// Reports of fits, in the form of `--json`, each with the `hash` of its model.
     pub fits: Vec<Value>,
 }
@@ -80,7 +82,15 @@ pub enum FigureFormat {
 
 impl Default for ReportOptions {
     fn default() -> Self {
-        Self { title: None, horizon: None, starts: 500, controller: None, plane: None, fits: Vec::new() }
+        Self {
+            title: None,
+            horizon: None,
+            starts: 500,
+            controller: None,
+            plane: None,
+            paths: PathOptions::default(),
+            fits: Vec::new(),
+        }
     }
 }
 

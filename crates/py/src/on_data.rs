@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use fleetfoot::{
     FigureFormat, FilteredRows, Followed,
     data::{OutOfMemory, ensure_memory, reserve},
-    dynamics::{Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory},
+    dynamics::{
+        Domain, End, Outside, PathOptions, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory,
+    },
 };
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
@@ -46,6 +48,11 @@ pub(crate) struct ReportRequest {
     csv: Option<PathBuf>,
     /// Two columns or expressions.
     plane: Option<[String; 2]>,
+    /// States of a path, and their references.
+    position: Vec<String>,
+    reference: Vec<String>,
+    interval: usize,
+    band: Option<usize>,
     /// Reports of fits (JSON).
     fits: Vec<String>,
     title: Option<String>,
@@ -74,6 +81,12 @@ pub(crate) fn report<'py>(
         let mut options = fleetfoot::ReportOptions::default();
         (options.title, options.horizon, options.starts) = (request.title, request.horizon, request.starts);
         options.plane = request.plane;
+        options.paths = PathOptions {
+            position: request.position,
+            references: request.reference,
+            interval: Some(request.interval),
+            band: request.band,
+        };
         let read =
             |text: &String| serde_json::from_str(text).map_err(|error| fleetfoot::Error::value(error.to_string()));
         options.fits = request.fits.iter().map(read).collect::<Result<_, _>>()?;
@@ -199,6 +212,10 @@ pub(crate) struct RolloutRequest {
     outside: String,
     /// States whose distance is reported.
     position: Vec<String>,
+    /// States that follow an expression, `STATE=EXPRESSION`.
+    reference: Vec<String>,
+    interval: usize,
+    band: Option<usize>,
     controller: Option<String>,
     settings: Vec<String>,
 }
@@ -219,7 +236,12 @@ pub(crate) fn rollout<'py>(
     let mut options = RolloutOptions::new(request.horizon);
     options.method = method(&request.method)?;
     options.keep = request.keep;
-    options.position.clone_from(&request.position);
+    let paths = PathOptions {
+        position: request.position.clone(),
+        references: request.reference.clone(),
+        interval: Some(request.interval),
+        band: request.band,
+    };
     options.outside = outside(&request.outside)?;
     options.step = request.dt.map_or(Step::Median, Step::Seconds);
     let starts = match (request.at.is_empty(), request.seed) {
@@ -239,6 +261,7 @@ pub(crate) fn rollout<'py>(
         }
         let controller = request.controller.as_ref().map(|what| fleetfoot::controller(what, &request.settings));
         let controller = controller.transpose()?;
+        paths.apply(&model.model, &mut options)?;
         fleetfoot::rollout(&model.model, &changes, &data.logs, &starts, &options, controller.as_ref(), None, progress)
     })?;
     let report = object(py, &rolled.to_json())?;

@@ -4,7 +4,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::Args;
 
-use super::{ControllerArgs, List, TimeArgs};
+use super::{ControllerArgs, List, PathArgs, TimeArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct Report {
@@ -25,6 +25,8 @@ pub(crate) struct Report {
     pub(crate) starts: NonZeroUsize,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
+    #[command(flatten)]
+    pub(crate) paths: PathArgs,
     /// Two columns or expressions, separated by a comma: a map of the best model's errors and region changes over their
     /// plane (default: the angles of a model that has two of them, else no plane).
     #[arg(long, value_name = "A,B")]

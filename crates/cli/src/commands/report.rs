@@ -45,6 +45,7 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     options.horizon = arguments.horizon;
     options.starts = arguments.starts.get();
     options.controller = arguments.controller.read()?;
+    options.paths = arguments.paths.options();
     options.plane = arguments.plane.as_ref().map(|axes| plane(&axes.0)).transpose()?;
     options.fits = arguments.fit.iter().map(|path| fit_report(path)).collect::<Result<_, _>>()?;
     let bar = context.bar();

@@ -31,7 +31,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
         OutsideArg::End => Outside::End,
         OutsideArg::Hold => Outside::Hold,
     };
-    options.position = arguments.position.iter().flat_map(|list| list.0.iter().cloned()).collect();
+    arguments.paths.options().apply(&model, &mut options)?;
     let starts = match arguments.seed {
         None => Starts::Even(arguments.starts.get()),
         Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
@@ -114,6 +114,14 @@ fn summaries(horizon: &Horizon, position: &str) -> String {
         row("Mahalanobis, last step".into(), &|score| Some(score.summary.last)),
         row("Mahalanobis, drift per second".into(), &|score| Some(score.summary.drift)),
     ];
+    if horizon.model.average_orientation.is_some() {
+        rows.push(row("cosine of the errors of angles".into(), &|score| score.average_orientation));
+    }
+    for (at, state) in horizon.states.iter().enumerate() {
+        if horizon.model.explained_variance[at].value.is_finite() {
+            rows.push(row(format!("explained variance of {state}"), &|score| Some(score.explained_variance[at])));
+        }
+    }
     if horizon.model.displacement_summary.is_some() {
         rows.push(row(format!("displacement of {position}, average"), &|score| {
             Some(score.displacement_summary?.average)
@@ -124,8 +132,21 @@ fn summaries(horizon: &Horizon, position: &str) -> String {
         rows.push(row(format!("displacement of {position}, drift per second"), &|score| {
             Some(score.displacement_summary?.drift)
         }));
+        rows.push(row(format!("alignment of {position}"), &|score| Some(score.path.as_ref()?.average_alignment)));
+        rows.push(row(format!("propagated error of {position}"), &|score| Some(score.path.as_ref()?.propagated_error)));
+        rows.push(row(format!("time warping of {position}"), &|score| Some(score.path.as_ref()?.warping_distance)));
     }
-    table(&header, rows)
+    let pair = horizon.beside_reference.as_ref().map(|pair| {
+        let told = |e: &Estimate| ratio(e.value) + &half(e);
+        format!(
+            "\nmodel beside reference: displacement of {position} {}, alignment {}, propagated error {}, time warping {}",
+            told(&pair.displacement.average),
+            told(&pair.path.average_alignment),
+            told(&pair.path.propagated_error),
+            told(&pair.path.warping_distance)
+        )
+    });
+    table(&header, rows) + &pair.unwrap_or_default()
 }
 
 pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> String {

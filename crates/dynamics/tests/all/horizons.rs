@@ -178,3 +178,126 @@ fn displacements_are_reported_by_step_and_rollout() {
     let without = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
     assert!(without.model.displacement.is_empty() && without.model.displacement_summary.is_none());
 }
+
+/// Direction, growth, time warping, cosines of angles, explained variance and the reference, each by its definition on
+/// the trajectories that were kept.
+#[test]
+fn scores_of_paths_follow_their_definitions() {
+    let mut columns = vec![
+        column("x", Role::State, false),
+        column("y", Role::State, false),
+        column("yaw", Role::State, true),
+        column("r", Role::Input, false),
+    ];
+    columns[3].role = Role::Input;
+    let rate = |value: f64| vec![(value, vec![0.0; 4])];
+    let fitted = vec![
+        ("x", Prediction::Derivative, "1", rate(1.0)),
+        ("y", Prediction::Derivative, "1", rate(0.5)),
+        ("yaw", Prediction::Derivative, "1", rate(0.3)),
+    ];
+    let mut model = model(columns, &["x", "y", "yaw", "r"], Partition::whole(), fitted, &[]);
+    model.training.state_covariance = vec![1.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+    let wave = |phase: f64, slope: f64| -> Vec<f64> {
+        (0..60).map(|k| slope * f64::from(k) + (0.31 * f64::from(k) + phase).sin()).collect()
+    };
+    let turn: Vec<f64> = (0..60).map(|k| fleetfoot_dynamics::wrap(3.0 + 0.2 * f64::from(k))).collect();
+    let episode = |phase: f64| vec![wave(phase, 0.4), wave(phase + 1.0, 0.1), turn.clone(), wave(phase, 0.0)];
+    let source = source(&["x", "y", "yaw", "r"], 0.5, vec![episode(0.0), episode(0.7)]);
+    let mut options = options(20, Method::Euler);
+    options.position = vec!["x".into(), "y".into()];
+    (options.interval, options.band, options.keep) = (3, Some(4), true);
+    options.references = ["d(x)/dt = r", "y=0.5*r"]
+        .map(|text| fleetfoot_dynamics::Reference::parse(text, ["x", "y", "yaw", "r"].into_iter()).unwrap())
+        .into();
+    let found = rollout(&model, &source, &Starts::Even(6), &options, &Silent).unwrap();
+    let n = found.trajectories.len() as f64;
+    let recorded = |start: Start, name: usize, k: usize| source_value(&source, start, name, k);
+    let hypot = |p: [f64; 2]| p[0].hypot(p[1]);
+    let cosine = |a: [f64; 2], b: [f64; 2]| (a[0] * b[0] + a[1] * b[1]) / (hypot(a) * hypot(b));
+    let path = |of: &dyn Fn(usize, usize) -> f64| -> Vec<[f64; 2]> { (0..=20).map(|k| [of(0, k), of(1, k)]).collect() };
+    let pair = |a: &[[f64; 2]], b: &[[f64; 2]]| -> [f64; 4] {
+        let distance: Vec<f64> = a.iter().zip(b).map(|(a, b)| hypot([a[0] - b[0], a[1] - b[1]])).collect();
+        let step = |p: &[[f64; 2]], k: usize| [p[k][0] - p[k - 1][0], p[k][1] - p[k - 1][1]];
+        let direction = (1..=20).map(|k| cosine(step(a, k), step(b, k))).sum::<f64>() / 20.0;
+        // The first distance is that after a step.
+        let growth = (1..=17).map(|i| (distance[i + 3] - distance[i]) / distance[i]).sum::<f64>() / 17.0;
+        // All cells of the table, in full.
+        let mut table = vec![vec![f64::INFINITY; 22]; 22];
+        table[0][0] = 0.0;
+        for i in 1..=21usize {
+            for j in (1..=21usize).filter(|j| i.abs_diff(*j) <= 4) {
+                let cost = hypot([a[i - 1][0] - b[j - 1][0], a[i - 1][1] - b[j - 1][1]]).powi(2);
+                table[i][j] = cost + table[i - 1][j].min(table[i][j - 1]).min(table[i - 1][j - 1]);
+            }
+        }
+        [distance[1..].iter().sum::<f64>() / 20.0, direction, growth, table[21][21].sqrt()]
+    };
+    let (mut model_sum, mut reference_sum, mut pair_sum, mut cosines) = ([0.0; 4], [0.0; 4], [0.0; 4], 0.0);
+    let (mut errors, mut values) = (Vec::new(), Vec::new());
+    for trajectory in &found.trajectories {
+        let start = trajectory.start;
+        let real = path(&|i, k| recorded(start, i, k));
+        let own = path(&|i, k| trajectory.state(k)[i]);
+        let mut ideal = vec![real[0]];
+        for k in 1..=20 {
+            let r = recorded(start, 3, k - 1);
+            ideal.push([ideal[k - 1][0] + 0.5 * r, 0.5 * r]);
+        }
+        for (sum, found) in [
+            (&mut model_sum, pair(&own, &real)),
+            (&mut reference_sum, pair(&ideal, &real)),
+            (&mut pair_sum, pair(&own, &ideal)),
+        ] {
+            (0..4).for_each(|i| sum[i] += found[i] / n);
+        }
+        for k in 1..=20 {
+            cosines += (recorded(start, 2, k) - trajectory.state(k)[2]).cos() / 20.0 / n;
+            errors.push(real[k][0] - own[k][0]);
+            values.push(real[k][0]);
+        }
+    }
+    let check = |distance: f64, path: &fleetfoot_dynamics::PathScores, expected: [f64; 4]| {
+        let own = [distance, path.average_alignment.value, path.propagated_error.value, path.warping_distance.value];
+        own.iter().zip(expected).for_each(|(own, value)| assert!((own - value).abs() < 1e-9 * value.abs().max(1.0)));
+        assert!(path.average_alignment.low < path.average_alignment.high, "two episodes have an interval");
+    };
+    let horizon = &found.horizon;
+    let distance = |score: &fleetfoot_dynamics::HorizonScore| score.displacement_summary.unwrap().average.value;
+    check(distance(&horizon.model), horizon.model.path.as_ref().unwrap(), model_sum);
+    let (_, ideal) = horizon.baselines.iter().find(|(which, _)| *which == Baseline::Reference).unwrap();
+    check(distance(ideal), ideal.path.as_ref().unwrap(), reference_sum);
+    let beside = horizon.beside_reference.as_ref().unwrap();
+    check(beside.displacement.average.value, &beside.path, pair_sum);
+    // A state without a reference has no score, so that no Mahalanobis score exists and no horizon is compared with it.
+    assert!(ideal.mahalanobis.iter().all(|own| own.value.is_nan()) && horizon.better.len() == 3);
+    assert!((horizon.model.average_orientation.unwrap().value - cosines).abs() < 1e-12);
+    let variance = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter().map(|value| (value - mean).powi(2)).sum::<f64>()
+    };
+    let explained = 1.0 - variance(&errors) / variance(&values);
+    assert!((horizon.model.explained_variance[0].value - explained).abs() < 1e-12);
+    let last: Vec<usize> = (0..found.trajectories.len()).map(|i| i * 20 + 19).collect();
+    let at = |of: &[f64]| last.iter().map(|&i| of[i]).collect::<Vec<f64>>();
+    let explained = 1.0 - variance(&at(&errors)) / variance(&at(&values));
+    assert!((horizon.model.explained_variance_by_step[19 * 3] - explained).abs() < 1e-12);
+    // Faults of a reference name it.
+    let refused = |text: &str| {
+        let mut options = options.clone();
+        let parsed = fleetfoot_dynamics::Reference::parse(text, ["x", "y", "yaw", "r"].into_iter());
+        parsed.and_then(|own| {
+            options.references.push(own);
+            rollout(&model, &source, &Starts::Even(6), &options, &Silent).map(drop)
+        })
+    };
+    for (text, said) in [("x", "no `=`"), ("x=r", "second reference"), ("z=r", "z"), ("yaw=q", "q")] {
+        let error = refused(text).unwrap_err().to_string();
+        assert!(error.contains(said), "{text}: {error}");
+    }
+}
+
+fn source_value(source: &dyn Source, start: Start, column: usize, k: usize) -> f64 {
+    let rows = start.row + k..start.row + k + 1;
+    source.read(start.episode, rows, fleetfoot_data::Halo::default()).unwrap().column(column)[0]
+}

@@ -197,6 +197,9 @@ class OnRecordings:
         settings: Mapping[str, Any] | None = None,
         outside: Literal["tell", "end", "hold"] = "tell",
         position: Sequence[str] = (),
+        reference: Mapping[str, str] | None = None,
+        interval: int = 1,
+        band: int | None = None,
         keep: bool = False,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
@@ -228,7 +231,15 @@ class OnRecordings:
             Rule for a regressor outside the training range of its region: the trajectory continues, ends, or
             continues with the regressor held at the limit.
         position : list of str
-            States of one unit whose Euclidean distance from the recording is reported too.
+            States of one unit whose path is compared with the recorded one: distance, direction, relative growth of
+            the distance, time warping.
+        reference : mapping, optional
+            A baseline: states that follow a column or expression at once, or whose rate does:
+            ``{"vx": "vx_ref", "d(x)/dt": "vx_ref"}``.
+        interval : int
+            Steps over which the relative growth of the distance is taken.
+        band : int, optional
+            Steps by which time warping may shift a point; default: a tenth of the horizon.
         keep : bool
             Return the trajectories.
         recipe, cache, progress : optional
@@ -240,7 +251,9 @@ class OnRecordings:
             ``time`` (horizon), ``states``, ``replayed`` (columns from the recording after a start), ``model`` and
             ``baselines`` (``rmse``, ``mae``: horizon x states; ``mahalanobis`` and ``displacement`` with intervals;
             ``summary`` and ``displacement_summary``: ``average``, ``last``, ``drift_per_second`` over whole
-            rollouts), ``raw`` for prepared logs with available raw logs (``rmse``, ``mae`` against the measurements),
+            rollouts; ``path``: ``alignment`` by step, ``average_alignment``, ``propagated_error``,
+            ``warping_distance``; ``orientation``: cosine of the errors of angles; ``explained_variance`` of each
+            state), ``beside_reference`` (the model's paths beside the reference's), ``raw`` for prepared logs with available raw logs (``rmse``, ``mae`` against the measurements),
             ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps in which the
             model is better), ``diverged``, ``left_domain``, ``ended_outside``, ``notes``; and with ``keep``
             ``trajectories``: for each start a dict of ``episode``, ``row``, ``t``, ``x`` (steps + 1, states), ``u``
@@ -262,6 +275,9 @@ class OnRecordings:
             "keep": bool(keep),
             "outside": outside,
             "position": names_of(position),
+            "reference": [f"{state}={of}" for state, of in (reference or {}).items()],
+            "interval": count("interval", interval, 1),
+            "band": None if band is None else count("band", band, 0),
             "controller": what(controller),
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }

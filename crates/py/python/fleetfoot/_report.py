@@ -30,6 +30,10 @@ def report(
     controller: Controller | _Path | None = None,
     settings: Mapping[str, Any] | None = None,
     plane: Sequence[str] | None = None,
+    position: Sequence[str] = (),
+    reference: Mapping[str, str] | None = None,
+    interval: int = 1,
+    band: int | None = None,
     svg: _Path | None = None,
     csv: _Path | None = None,
     cache: _Path | None = None,
@@ -64,6 +68,8 @@ def report(
     plane : two str, optional
         Two columns or expressions: the page maps the best model's errors and region changes over their plane.
         Default: the angles of a model with two of them.
+    position, reference, interval, band : optional
+        Scores of simulated paths, as in :meth:`fleetfoot.Model.rollout`.
     svg : path, optional
         Folder for every figure as SVG; ``rsvg-convert``, Inkscape or a browser convert them to PNG and PDF.
     csv : path, optional
@@ -121,6 +127,10 @@ def report(
         "svg": None if svg is None else os.fspath(svg),
         "csv": None if csv is None else os.fspath(csv),
         "plane": axes,
+        "position": names_of(position),
+        "reference": [f"{state}={of}" for state, of in (reference or {}).items()],
+        "interval": count("interval", interval, 1),
+        "band": None if band is None else count("band", band, 0),
         "fits": fits,
         "title": title,
         "horizon": None if horizon is None else count("horizon", horizon, 1),

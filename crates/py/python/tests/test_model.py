@@ -215,6 +215,54 @@ def test_rollouts_tell_distances_and_mind_the_training_domain():
         model.rollout(longer, 5, position=["y"])
 
 
+def test_scores_of_paths_equal_numpy_and_dtaidistance():
+    dtw_ndim = pytest.importorskip("dtaidistance.dtw_ndim")
+    t = np.arange(400) * 0.05
+    runs = []
+    for seed in range(3):
+        r = np.cumsum(np.random.default_rng(seed).normal(size=(t.size, 2)), axis=0) * 0.1
+        p = np.zeros((t.size, 2))
+        for k in range(1, t.size):
+            p[k] = p[k - 1] + 0.05 * (r[k - 1] + 0.3 * np.sin(3 * p[k - 1][::-1]))
+        runs.append(np.column_stack([p, r]))
+    tables = runs
+    opened = [ff.open(dict(zip(("x", "y", "rx", "ry"), run.T, strict=True)), dt=0.05) for run in runs]
+    data = opened[0] + opened[1] + opened[2]
+    model = ff.PWA("average", states=["x", "y"], inputs=["rx", "ry"], target="delta").fit(data).model_
+    options = {"starts": 9, "position": ["x", "y"], "interval": 5, "band": 7, "keep": True}
+    told = model.rollout(data, 60, reference={"d(x)/dt": "rx", "d(y)/dt": "ry"}, **options)
+    def scores(a, b):
+        distance = np.linalg.norm(a - b, axis=1)
+        da, db = np.diff(a, axis=0), np.diff(b, axis=0)
+        cosine = (da * db).sum(1) / np.linalg.norm(da, axis=1) / np.linalg.norm(db, axis=1)
+        later, now = distance[6:], distance[1:-5]
+        warped = dtw_ndim.distance(a.copy(), b.copy(), window=8)
+        return distance[1:].mean(), cosine.mean(), ((later - now) / now).mean(), warped
+
+    pairs = {"model": [], "reference": [], "beside": []}
+    for one in told["trajectories"]:
+        rows = tables[one["episode"]][one["row"] :][:61]
+        real, own = rows[:, :2], one["x"]
+        ideal = real[0] + np.vstack([np.zeros(2), np.cumsum(rows[:60, 2:] * 0.05, axis=0)])
+        for name, (a, b) in {"model": (own, real), "reference": (ideal, real), "beside": (own, ideal)}.items():
+            pairs[name].append(scores(a, b))
+    found = {"model": told["model"], "reference": told["baselines"]["reference"], "beside": told["beside_reference"]}
+    for name, report in found.items():
+        path = report["path"]
+        average = report["displacement_summary"]["average"]["value"]
+        values = [path[key]["value"] for key in ("average_alignment", "propagated_error", "warping_distance")]
+        np.testing.assert_allclose([average, *values], np.mean(pairs[name], axis=0), rtol=1e-9)
+    errors = np.concatenate(
+        [tables[one["episode"]][one["row"] + 1 :][:60, :2] - one["x"][1:] for one in told["trajectories"]]
+    )
+    values = np.concatenate([tables[one["episode"]][one["row"] + 1 :][:60, :2] for one in told["trajectories"]])
+    for state in range(2):
+        share = 1 - errors[:, state].var() / values[:, state].var()
+        np.testing.assert_allclose(told["model"]["explained_variance"][state]["value"], share, rtol=1e-9)
+    with pytest.raises(ff.exceptions.FleetfootError, match="rz"):
+        model.rollout(data, 60, reference={"x": "rz"})
+
+
 def test_substeps_converge(sindy):
     t, x, u = pendulum(40, seed=6)
     coarse = np.arange(0, 4.0, 0.4)

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_dataset::json::report;
-use fleetfoot_dynamics::{Estimate, Horizon, HorizonScore, RawHorizon, RolloutSummary, StepSpan};
+use fleetfoot_dynamics::{
+    Estimate, Horizon, HorizonScore, PathScores, RawHorizon, ReferencePair, RolloutSummary, StepSpan,
+};
 use fleetfoot_fit::{Interval, interval_in_words};
 use serde::Serialize;
 use serde_json::Value;
@@ -33,6 +35,7 @@ impl RolledOut {
             model: Curves::new(&horizon.model, states),
             raw: horizon.raw.as_ref().map(|raw| Raw::new(raw, states)),
             baselines: by_baseline(&horizon.baselines, |score| Curves::new(score, states)),
+            beside_reference: horizon.beside_reference.as_ref().map(Pair::from),
             ended: &horizon.ended,
             intervals: interval_in_words(&horizon.basis),
             useful_horizon: Useful::from(horizon),
@@ -59,6 +62,8 @@ struct Told<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     raw: Option<Raw>,
     baselines: BTreeMap<&'static str, Curves>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    beside_reference: Option<Pair>,
     ended: &'a [f64],
     intervals: String,
     useful_horizon: Useful,
@@ -74,6 +79,52 @@ struct Curves {
     summary: Summary,
     displacement: Vec<[f64; 3]>,
     displacement_summary: Option<Summary>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    path: Option<Path>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    orientation: Vec<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    average_orientation: Option<Interval>,
+    explained_variance: Vec<Interval>,
+    explained_variance_by_step: Vec<Vec<f64>>,
+}
+
+/// Direction, growth of the distance and time warping of paths.
+#[derive(Serialize)]
+struct Path {
+    alignment: Vec<[f64; 3]>,
+    average_alignment: Interval,
+    propagated_error: Interval,
+    warping_distance: Interval,
+}
+
+impl From<&PathScores> for Path {
+    fn from(own: &PathScores) -> Self {
+        Self {
+            alignment: triples(&own.alignment),
+            average_alignment: (&own.average_alignment).into(),
+            propagated_error: (&own.propagated_error).into(),
+            warping_distance: (&own.warping_distance).into(),
+        }
+    }
+}
+
+/// The model beside the reference.
+#[derive(Serialize)]
+struct Pair {
+    displacement_summary: Summary,
+    path: Path,
+}
+
+impl From<&ReferencePair> for Pair {
+    fn from(own: &ReferencePair) -> Self {
+        Self { displacement_summary: (&own.displacement).into(), path: (&own.path).into() }
+    }
+}
+
+/// Estimates with the ends of their intervals.
+fn triples(all: &[Estimate]) -> Vec<[f64; 3]> {
+    all.iter().map(|own| [own.value, own.low, own.high]).collect()
 }
 
 /// Errors against raw measurements, steps x states.
@@ -96,7 +147,6 @@ fn by_step(values: &[f64], states: usize) -> Vec<Vec<f64>> {
 
 impl Curves {
     fn new(score: &HorizonScore, states: usize) -> Self {
-        let triples = |all: &[Estimate]| all.iter().map(|own| [own.value, own.low, own.high]).collect();
         Self {
             rmse: by_step(&score.rmse, states),
             mae: by_step(&score.mae, states),
@@ -104,6 +154,11 @@ impl Curves {
             summary: (&score.summary).into(),
             displacement: triples(&score.displacement),
             displacement_summary: score.displacement_summary.as_ref().map(Summary::from),
+            path: score.path.as_ref().map(Path::from),
+            orientation: triples(&score.orientation),
+            average_orientation: score.average_orientation.as_ref().map(Interval::from),
+            explained_variance: score.explained_variance.iter().map(Interval::from).collect(),
+            explained_variance_by_step: by_step(&score.explained_variance_by_step, states),
         }
     }
 }

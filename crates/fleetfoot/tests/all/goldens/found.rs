@@ -159,7 +159,18 @@ fn drop_front(tried: &mut Value) {
 
 /// The report of rollouts without what was added to it since the goldens were written: what there was stays what it was.
 fn without_later(mut report: Value) -> Value {
-    let later = ["ended_outside", "summary", "displacement", "displacement_summary"];
+    let later = [
+        "ended_outside",
+        "summary",
+        "displacement",
+        "displacement_summary",
+        "path",
+        "orientation",
+        "average_orientation",
+        "explained_variance",
+        "explained_variance_by_step",
+        "beside_reference",
+    ];
     let drop_from = |value: &mut Value| {
         if let Some(fields) = value.as_object_mut() {
             later.iter().for_each(|key| drop(fields.remove(*key)));
