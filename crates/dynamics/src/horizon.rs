@@ -196,6 +196,11 @@ struct ErrorTable {
     spread: Vec<Spread>,
 }
 
+/// An explained variance without the digits that differences of sums do not have.
+fn rounded(explained: f64) -> f64 {
+    if explained.abs() < 1e-12 { 0.0 } else { explained }
+}
+
 /// Sums behind the explained variance of a state.
 #[derive(Clone, Copy, Default)]
 struct Spread {
@@ -230,9 +235,7 @@ impl Spread {
 
     fn explained(&self) -> f64 {
         let (error, measured) = self.about(self);
-        let explained = if measured > 0.0 { 1.0 - error / measured } else { f64::NAN };
-        // Differences of sums have no more digits.
-        if explained.abs() < 1e-12 { 0.0 } else { explained }
+        if measured > 0.0 { rounded(1.0 - error / measured) } else { f64::NAN }
     }
 }
 
@@ -734,7 +737,8 @@ impl HorizonSums {
             return Estimate { value, low: f64::NAN, high: f64::NAN };
         }
         let share = Estimate::of_ratio(own().map(|spread| spread.about(&all)));
-        Estimate { value, low: 1.0 - share.high, high: 1.0 - share.low }
+        let [low, high] = [1.0 - share.high, 1.0 - share.low].map(rounded);
+        Estimate { value, low, high }
     }
 
     /// The place of an episode's sums.
