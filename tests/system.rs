@@ -13,6 +13,7 @@ mod docs;
 mod filter;
 mod flight;
 mod folds;
+mod frequency;
 mod fusion;
 mod generate;
 mod gleaning;

@@ -6,6 +6,7 @@ mod control;
 mod examples;
 mod export;
 mod filter;
+mod frequency;
 mod narx;
 mod parameters;
 mod prepare;
@@ -25,6 +26,7 @@ pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 pub(crate) use filter::Filter;
 use fleetfoot::{Error, Lags, NetworkSection, PwaSection, dynamics::controller::Controller, whole};
+pub(crate) use frequency::Frequency;
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
@@ -103,6 +105,9 @@ pub(crate) enum Command {
     /// Estimate states from noisy measurements, with a Kalman filter for every region.
     #[command(after_help = examples::FILTER)]
     Filter(Box<Filter>),
+    /// Estimate a frequency response with coherence and intervals, of logs and of a model.
+    #[command(after_help = examples::FREQUENCY)]
+    Frequency(Box<Frequency>),
     /// Find states and inputs that obey a model and its bounds and follow a recording.
     #[command(after_help = examples::RESIMULATE)]
     Resimulate(Box<Resimulate>),

@@ -16,6 +16,7 @@ pub(crate) mod fit_pwa;
 pub(crate) mod fit_sindy;
 pub(crate) mod fit_sparse;
 pub(crate) mod flags;
+pub(crate) mod frequency;
 pub(crate) mod generate;
 pub(crate) mod info;
 pub(crate) mod init;

@@ -64,6 +64,7 @@ fn main() -> ExitCode {
         Command::Predict(arguments) => commands::predict::predict(arguments, &context),
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),
         Command::Filter(arguments) => commands::filter::filter(arguments, &context),
+        Command::Frequency(arguments) => commands::frequency::run(arguments, &context),
         Command::Resimulate(arguments) => commands::resimulate::resimulate(arguments, &context),
         Command::Generate(arguments) => commands::generate::generate(arguments, &context),
         Command::Report(arguments) => commands::report::report(arguments, &context),

@@ -1,6 +1,7 @@
 //! One page that shows the quality of models: sentences, equations, tables and figures, from the common score and
 //! rollout.
 
+mod bode;
 mod compared;
 mod condition;
 mod coverage;
@@ -35,6 +36,7 @@ use std::{
     sync::Arc,
 };
 
+pub use bode::{bode, decibels, thinned};
 use fitting::Fit;
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::Logs;

@@ -44,6 +44,7 @@ mod arrow_column;
 mod auto;
 mod capsule;
 mod check;
+mod frequency;
 mod generate;
 mod prepare;
 mod read;
@@ -102,6 +103,8 @@ mod _core {
     use crate::auto::auto;
     #[pymodule_export]
     use crate::check::check;
+    #[pymodule_export]
+    use crate::frequency::frequency;
     #[pymodule_export]
     use crate::generate::{generate, project, robots, world};
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 mod control;
 mod filter;
+mod frequency;
 mod resimulate;
 mod rollout;
 mod score;

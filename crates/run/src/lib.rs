@@ -4,6 +4,7 @@ mod control;
 mod controller;
 mod export;
 mod filter;
+mod frequency;
 mod json;
 mod on_files;
 mod output;
@@ -16,6 +17,9 @@ pub use controller::{controller, controller_file, made_controller};
 pub use export::{Exported, engine_vectors, export, export_filter};
 pub use filter::{
     DeviationFrom, Filtered, FilteredRows, SensorReport, SquareReport, TruthReport, filter, filter_of, filter_rows,
+};
+pub use frequency::{
+    Distortion, Frequencies, FrequencyOptions, Line as FrequencyLine, Response as FrequencyResponse, frequency,
 };
 pub use on_files::{
     PredictedRows, RolledOut, Scored, Written, is_needed, opened_to_roll, predict, predict_rows, roll_rows, rollout,

@@ -86,7 +86,12 @@ static QUADROTOR: Kind<QuadrotorFlight> = Kind {
 static STAGE: Kind<Stage> = Kind {
     name: "stage",
     speed: None,
-    excite: None,
+    excite: Some(|world, kind| {
+        // Four fifths of the amplifier's voltage.
+        let most = 0.8 * world.voltage;
+        world.excitation = Excitation::over(kind, -most, most)?;
+        Ok(())
+    }),
     spread: &[("q", Axis { low: -0.12, high: 0.12, bins: 12 }), ("qd", Axis { low: -0.5, high: 0.5, bins: 20 })],
     tables: false,
     seconds: 20.0,

@@ -134,6 +134,12 @@ Examples:
   fleetfoot rollout model.json held-out.mcap --horizon 50 --starts 500 -o rollouts.parquet
   fleetfoot rollout model.json test/ --controller treadmill --controller-set k_x=2,speed=0.25";
 
+pub(crate) const FREQUENCY: &str = "\
+Examples:
+  fleetfoot frequency -c robot.toml runs/ --input u --output v
+  fleetfoot frequency model.json held-out.mcap --input u --output v --page bode.html
+  fleetfoot frequency -c stage.toml multisine/ --input tau --output v --period 4";
+
 pub(crate) const RESIMULATE: &str = "\
 Examples:
   fleetfoot resimulate model.json flight.parquet -o followed.parquet

@@ -96,7 +96,7 @@ fn fit_report(path: &Path) -> Result<Value, Error> {
     })
 }
 
-fn is_model(path: &Path) -> bool {
+pub(super) fn is_model(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 

@@ -48,6 +48,7 @@ from ._data import Dataset
 from ._data import open as open  # noqa: A004
 from ._auto import Auto, auto
 from ._check import Checked, Finding, check
+from ._frequency import frequency
 from ._prepare import Prepared, prepare
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 from ._report import report
@@ -114,6 +115,7 @@ __all__ = [
     "auto",
     "check",
     "compare",
+    "frequency",
     "generate",
     "info",
     "plot",

@@ -485,6 +485,13 @@ def read_model_rows(model: str, data: Data, recipe: str = "", progress: _Progres
 def student_t_95(freedom: int) -> float: ...
 def info(path: str | PathLike[str], values: bool = False, progress: _Progress = None) -> dict[str, Any]: ...
 def check(data: Data, recipe_text: str, progress: _Progress = None) -> dict[str, Any]: ...
+def frequency(
+    model: Model | None,
+    data: Data,
+    recipe_text: str,
+    request: dict[str, Any],
+    progress: _Progress = None,
+) -> dict[str, Any]: ...
 def auto(
     data: Data,
     recipe_text: str,

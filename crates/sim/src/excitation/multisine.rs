@@ -26,6 +26,11 @@ pub struct Multisine {
     pub count: usize,
     /// Choice of the phases.
     pub phases: Phases,
+    /// Odd multiples of `lowest` up to `highest` in place of `count` equal steps; of every four one, chosen at random, is
+    /// left out. A nonlinear robot moves at the multiples that are left out, a linear one does not (R. Pintelon,
+    /// J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., section 4.2).
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub odd: bool,
 }
 
 /// Phases of a multisine.
@@ -41,9 +46,12 @@ pub enum Phases {
     Random,
 }
 
+/// Multiples of the lowest frequency, at most.
+const MOST: usize = 20_000;
+
 impl Default for Multisine {
     fn default() -> Self {
-        Self { offset: 0.0, deviation: 0.4, lowest: 0.05, highest: 2.0, count: 40, phases: Phases::Random }
+        Self { offset: 0.0, deviation: 0.4, lowest: 0.05, highest: 2.0, count: 40, phases: Phases::Random, odd: false }
     }
 }
 
@@ -56,6 +64,26 @@ impl Multisine {
     }
 }
 
+/// Equal steps from the lowest frequency to the highest.
+fn even(parameters: &Multisine) -> Vec<f64> {
+    let spacing = (parameters.highest - parameters.lowest) / parameters.count.saturating_sub(1).max(1) as f64;
+    (0..parameters.count).map(|k| parameters.lowest + spacing * k as f64).collect()
+}
+
+/// Odd multiples of the lowest frequency, three at random of every four.
+fn odd(parameters: &Multisine, random: &mut Pcg64) -> Vec<f64> {
+    // Half a multiple of room for rounding.
+    let last = ((parameters.highest / parameters.lowest + 0.5) as usize).min(MOST);
+    let multiples: Vec<usize> = (1..=last).step_by(2).collect();
+    let mut chosen = Vec::with_capacity(multiples.len());
+    for four in multiples.chunks(4) {
+        let left = uniform(0.0, 4.0, random) as usize;
+        let kept = four.iter().enumerate().filter(|(at, _)| four.len() < 4 || *at != left);
+        chosen.extend(kept.map(|(_, multiple)| *multiple as f64 * parameters.lowest));
+    }
+    chosen
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct MultisineSignal {
     offset: f64,
@@ -66,16 +94,16 @@ pub(super) struct MultisineSignal {
 
 impl MultisineSignal {
     pub(super) fn new(parameters: &Multisine, random: &mut Pcg64) -> Self {
-        let count = parameters.count;
-        let spacing = (parameters.highest - parameters.lowest) / count.saturating_sub(1).max(1) as f64;
-        let sines = (0..count).map(|k| {
+        let frequencies = if parameters.odd { odd(parameters, random) } else { even(parameters) };
+        let count = frequencies.len();
+        let sines = frequencies.into_iter().enumerate().map(|(k, frequency)| {
             let phase = match parameters.phases {
                 Phases::Schroeder => -PI * k as f64 * (k + 1) as f64 / count as f64,
                 Phases::Random => uniform(0.0, TAU, random),
             };
-            [parameters.lowest + spacing * k as f64, phase / TAU]
+            [frequency, phase / TAU]
         });
-        let sines = sines.collect();
+        let sines: Vec<[f64; 2]> = sines.collect();
         Self { offset: parameters.offset, amplitude: parameters.deviation * (2.0 / count.max(1) as f64).sqrt(), sines }
     }
 
@@ -95,7 +123,8 @@ mod tests {
     const HARMONICS: usize = 30;
 
     fn one_period(phases: Phases, seed: u64) -> Vec<f64> {
-        let parameters = Multisine { offset: 0.0, deviation: 0.7, lowest: 0.1, highest: 3.0, count: HARMONICS, phases };
+        let parameters =
+            Multisine { offset: 0.0, deviation: 0.7, lowest: 0.1, highest: 3.0, count: HARMONICS, phases, odd: false };
         let signal = MultisineSignal::new(&parameters, &mut Pcg64::seed_from_u64(seed));
         (0..5000).map(|k| signal.value(k as f64 * DT)).collect()
     }
@@ -117,6 +146,21 @@ mod tests {
                 assert!((measured - expected).abs() < 1e-9, "{harmonic}: {measured} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn odd_multisines_leave_out_even_multiples_and_one_odd_of_four() {
+        let parameters = Multisine { deviation: 0.7, lowest: 0.1, highest: 6.3, odd: true, ..Multisine::default() };
+        let signal = MultisineSignal::new(&parameters, &mut Pcg64::seed_from_u64(3));
+        let samples: Vec<f64> = (0..5000).map(|k| signal.value(k as f64 * DT)).collect();
+        let there = |multiple: usize| power(&samples, DT, 0.1 * multiple as f64) > 1e-9;
+        assert!((1..=31).all(|half| !there(2 * half)), "no even multiple");
+        let odd: Vec<bool> = (0..32).map(|half| there(2 * half + 1)).collect();
+        for four in odd.chunks(4) {
+            assert_eq!(four.iter().filter(|there| **there).count(), 3, "{odd:?}");
+        }
+        let variance = samples.iter().map(|x| x * x).sum::<f64>() / samples.len() as f64;
+        assert!((variance - 0.49).abs() < 1e-9, "{variance}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::parameter_error::{ParameterError, finite, not_negative, positive};
 use crate::sensor::{Clock, stream};
-use crate::{End, Kind, Reading, Regressors, Run, Scenario, Sink, SinkError, Stamps, Topic};
+use crate::{End, Excitation, Kind, Reading, Regressors, Run, Scenario, Sink, SinkError, Stamps, Topic};
 
 /// Names and units of the columns.
 const COLUMNS: [(&str, &str); 4] = [("q", "m"), ("qd", "m/s"), ("u", "V"), ("friction", "N")];
@@ -51,6 +51,13 @@ pub struct Stage {
     pub resolution: f64,
     /// Standard deviation of noise on the measured speed, m/s.
     pub speed_noise: f64,
+    /// Voltage in place of the controller's and its strokes; `none`: strokes.
+    #[serde(skip_serializing_if = "is_none")]
+    pub excitation: Excitation,
+}
+
+fn is_none(excitation: &Excitation) -> bool {
+    *excitation == Excitation::None
 }
 
 impl Default for Stage {
@@ -69,6 +76,7 @@ impl Default for Stage {
             bandwidth: 2.5,
             resolution: 1e-6,
             speed_noise: 3e-4,
+            excitation: Excitation::None,
         }
     }
 }
@@ -93,6 +101,7 @@ impl Stage {
         ];
         numbers.iter().try_for_each(|&(name, value)| positive(name, value))?;
         not_negative("speed_noise", self.speed_noise)?;
+        self.excitation.validate(self.row_period).map_err(|error| error.within("excitation"))?;
         // A stroke that is over within a row would never be.
         if self.durations[0] < self.row_period {
             return Err(ParameterError::new("durations", self.durations[0], "at least the seconds between rows"));
@@ -198,6 +207,8 @@ impl Scenario for StageScenario {
         let natural = TAU * stage.bandwidth;
         let mut strokes = Strokes::new(stage, run.seed);
         let mut noise = stream(run.seed, "speed");
+        let excited = !is_none(&stage.excitation);
+        let mut excitation = stage.excitation.signal(stage.row_period, stream(run.seed, "excitation"));
         let mut state = [0.0; 2];
         for index in 0..rows {
             let seconds = index as f64 * stage.row_period;
@@ -205,7 +216,8 @@ impl Scenario for StageScenario {
             let [to, speed] = strokes.at(seconds);
             // Critically damped, the drag of the reference made up for.
             let wanted = natural * natural * (to - q) + 2.0 * natural * (speed - qd);
-            let u = ((stage.mass * wanted + stage.viscous * speed) / stage.gain).clamp(-stage.voltage, stage.voltage);
+            let strokes = (stage.mass * wanted + stage.viscous * speed) / stage.gain;
+            let u = if excited { excitation.next(qd) } else { strokes }.clamp(-stage.voltage, stage.voltage);
             let stamp = clock.read((seconds * 1e9).round() as i64);
             let stamps = Stamps { header: stamp, log: stamp };
             let shake: f64 = StandardNormal.sample(&mut noise);
