@@ -10,6 +10,7 @@ mod commands;
 mod demo;
 mod derivatives;
 mod docs;
+mod every_format;
 mod filter;
 mod flight;
 mod folds;

@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// Changes with what is stored and with how it is computed from the same file: an older cache is not read.
-const VERSION: &str = "fleetfoot decoded columns 1";
+const VERSION: &str = "fleetfoot decoded columns 2";
 /// The column of the stamps; no field of a message has a name with a space.
 const STAMP: &str = "stamp of the row";
 /// The metadata's key.
@@ -182,6 +182,7 @@ struct StoredColumn {
     /// Of a category.
     names: Option<Vec<String>>,
     empty: bool,
+    unit: Option<String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -201,7 +202,7 @@ impl From<&TableColumn> for StoredColumn {
             ColumnKind::Boolean => (StoredKind::Boolean, None),
             ColumnKind::Category(names) => (StoredKind::Category, Some(names.clone())),
         };
-        Self { name: column.name.clone(), kind, names, empty: *empty }
+        Self { name: column.name.clone(), kind, names, empty: *empty, unit: column.unit.clone() }
     }
 }
 
@@ -213,7 +214,7 @@ impl StoredColumn {
             StoredKind::Boolean => ColumnKind::Boolean,
             StoredKind::Category => ColumnKind::Category(self.names?),
         };
-        Some(TableColumn { column: Column { name: self.name, unit: None, kind }, empty: self.empty })
+        Some(TableColumn { column: Column { name: self.name, unit: self.unit, kind }, empty: self.empty })
     }
 }
 
@@ -249,12 +250,14 @@ mod tests {
     fn metadata_beside_the_columns_reads_back() {
         let column =
             |name: &str, kind| TableColumn { column: Column { name: name.into(), unit: None, kind }, empty: false };
+        let with_unit = Column { name: "/a.v".into(), unit: Some("m/s".into()), kind: ColumnKind::Float };
         let meta = Meta {
             columns: vec![
                 column("/a.x", ColumnKind::Float),
                 column("/a.s", ColumnKind::Category(vec!["up".into(), "\"odd\"".into()])),
                 column("/a.n", ColumnKind::Integer),
                 column("/a.b", ColumnKind::Boolean),
+                TableColumn { column: with_unit, empty: false },
             ],
             notes: vec!["one".into()],
             stamp: Some(Stamp::Header),

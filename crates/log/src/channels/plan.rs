@@ -231,6 +231,7 @@ impl Builder<'_> {
             gap: rule.max_gap,
             quaternion: quaternion.map(|(paths, component)| (paths.map(|path| self.field(used, &path)), component)),
             field: info.map_or(FieldKind::Float, |info| info.kind),
+            unit: self.samples[used].codec.as_ref().ok().and_then(|codec| codec.unit(&asked.path)),
         }
     }
 
@@ -379,6 +380,8 @@ struct Slot {
     /// The fields x, y, z, w, and which of them this is.
     quaternion: Option<([usize; 4], usize)>,
     field: FieldKind,
+    /// The unit that the log tells of its values.
+    unit: Option<String>,
 }
 
 impl Slot {
@@ -404,7 +407,7 @@ impl Slot {
             _ => ColumnKind::Float,
         };
         PlannedColumn {
-            column: Column { name: name.to_owned(), unit: None, kind },
+            column: Column { name: name.to_owned(), unit: self.unit, kind },
             join: JoinColumn {
                 series: topic.first_series + group,
                 column,

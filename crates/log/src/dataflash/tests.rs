@@ -3,7 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_data::Silent;
+use fleetfoot_data::{Silent, Source};
 
 use super::DataflashContainer;
 use crate::{Compression, Error, Format, Messages, container::Container, inspect, inspect_values, metadata, paths};
@@ -166,4 +166,14 @@ fn unreadable_formats_are_reported_by_topic() {
     let log = Messages::open(&path).unwrap();
     let read = log.columns("/ISB", Some(&["x[31]".to_owned(), "n".to_owned()]), &Silent).unwrap();
     assert_eq!((read.fields[0].values[0], read.fields[1].values[0], read.log_time[0]), (24.0, 5.0, 2_000_000));
+}
+
+#[test]
+fn joined_columns_keep_their_units() {
+    for name in ["flight.bin", "flight.log"] {
+        let columns = ["/IMU.GyrX", "/ATT.Roll", "/IMU.I"];
+        let recording = crate::open(&[fixture(name)], &crate::Selection::new(columns)).unwrap();
+        let units: Vec<_> = recording.columns().iter().map(|column| column.unit.as_deref()).collect();
+        assert_eq!(units, [Some("rad/s"), Some("deg"), None], "{name}");
+    }
 }
