@@ -178,7 +178,10 @@ def study(fleetfoot, data, folder, name):
     horizon = found["horizon"]["steps"]
     before = max(20, min(20 * every, 200))
     before += -before % max(every, 10)
-    rows = [even(own, period) for own in test]
+    # A model of rows as they come counts rows; so do all others then.
+    as_they_come = found["chosen"].startswith("rows as they come")
+    placed = (lambda episode: episode) if as_they_come else (lambda episode: even(episode, period))
+    rows = [placed(own) for own in test]
     horizon = max(1, min(horizon, max(len(own["t"]) for own in rows) - before - 3))
     begun = starts(rows, horizon, before)
     for pieces, past in (("near", NEAR), ("far", before)):
@@ -196,11 +199,11 @@ def study(fleetfoot, data, folder, name):
     result |= {"auto": ratio(errors), "starts": count, "of": len(begun)}
     result["printed"] = [[state["state"], *state["rmse"], error] for state, error in zip(found["tested"], errors)]
     result["said"] = float(np.mean([state["rmse"][0] / state["persistence"] for state in found["tested"]]))
-    key = json.dumps([states, angles, inputs, horizon, before, period])
+    key = json.dumps([states, angles, inputs, horizon, before, period, as_they_come])
     kept = own / "rivals.json"
     if kept.exists() and (known := json.loads(kept.read_text()))["key"] == key:
         return result | known
-    rivals, even_train = {"key": key}, [even(own, period) for own in train]
+    rivals, even_train = {"key": key}, [placed(own) for own in train]
     try:
         rivals["pysindy"] = ratio(by_pysindy(even_train, rows, begun, states, angles, inputs, period, horizon))
     except Exception as problem:
@@ -209,7 +212,7 @@ def study(fleetfoot, data, folder, name):
     rivals["arx"] = min(lagged)
     plain = own / "hand.toml"
     state = lambda name: f'[states."{name}"]\n' + ('kind = "angle"\n' if name in angles else "")
-    plain.write_text("".join(map(state, states)) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {given[1]}\n" if given else ""))
+    plain.write_text("".join(map(state, states)) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {given[1]}\n" if given and not as_they_come else ""))
     best = []
     linear = ["pwa", "--predict", "delta", "--partition", "average"]
     for words, seen in [(linear, 1), *hands(1 / period, horizon)]:
