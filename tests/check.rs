@@ -113,3 +113,31 @@ fn findings_are_printed_with_what_mends_them_and_strict_ends_with_an_error() {
     assert_eq!(of("1"), of("3"));
     fleetfoot(path, &["check", "none.csv"]).fails(&["none.csv"]);
 }
+
+#[test]
+fn info_tells_correlations_and_the_lag_of_a_response() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let level = |k: usize| (((k / 50) * (k / 50)) as f64).sin();
+    let mut text = String::from("t,r,v,opposite,still\n");
+    for k in 0..1500usize {
+        let (r, v) = (level(k), level(k.saturating_sub(7)));
+        let _ = writeln!(text, "{:.2},{r:.9},{v:.9},{:.9},1", 0.01 * k as f64, 3.0 - 2.0 * r);
+    }
+    fs::write(path.join("log.csv"), text).unwrap();
+    let found =
+        fleetfoot(path, &["info", "log.csv", "--correlation", "--columns", "r,opposite,v", "--json"]).ok().json();
+    assert!(
+        (found["matrix"][0][1].as_f64().unwrap() + 1.0).abs() < 1e-9 && found["matrix"][0][2].as_f64().unwrap() < 0.99
+    );
+    let text = fleetfoot(path, &["info", "log.csv", "--correlation", "--columns", "r,opposite"]).ok().out;
+    assert!(text.contains("-1.000 r and opposite"), "{text}");
+    let found = fleetfoot(path, &["info", "log.csv", "--lag", "r,v", "--reach", "20", "--json"]).ok().json();
+    assert_eq!([&found["nearest"], &found["alike"]], [&serde_json::json!(7), &serde_json::json!(7)]);
+    let shift = found["shifts"].as_array().unwrap().iter().find(|own| own["rows"] == 7).unwrap();
+    assert!(shift["difference"].as_f64().unwrap() < 1e-12 && shift["pairs"] == 1493, "{shift}");
+    let short = fleetfoot(path, &["info", "log.csv", "--lag", "r,v", "--reach", "3"]).ok();
+    assert!(short.err.contains("the lag may be longer"), "{}", short.err);
+    fleetfoot(path, &["info", "log.csv", "--correlation", "--columns", "r,speed"]).fails(&["speed"]);
+    fleetfoot(path, &["info", "log.csv", "--lag", "r,v", "--reach", "5000"]).fails(&["1500 rows"]);
+}

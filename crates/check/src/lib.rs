@@ -7,6 +7,7 @@ mod channel;
 mod finding;
 mod names;
 mod related;
+mod relations;
 mod sample;
 mod stamps;
 
@@ -21,6 +22,7 @@ pub use crate::{
     channel::ChannelSummary,
     finding::{Fault, Finding},
     names::split as name_words,
+    relations::{Correlations, LagCurve, Shift, correlations, lag_curve},
 };
 use crate::{channel::Channels, sample::Sample};
 

@@ -179,6 +179,22 @@ pub(crate) struct Info {
     /// Minimum, mean, maximum and missing values of every column, from a pass over all values.
     #[arg(long)]
     pub(crate) values: bool,
+    /// Correlation of every pair of columns, from a pass over the rows.
+    #[arg(long, conflicts_with_all = ["values", "lag"])]
+    pub(crate) correlation: bool,
+    /// Columns of the correlation, separated by commas (default: all numbers).
+    #[arg(long, value_name = "COLUMNS", requires = "correlation")]
+    pub(crate) columns: Option<List>,
+    /// A reference and its response: their difference and correlation, by the rows by which the response is later
+    /// (default: no such pair).
+    #[arg(long, value_name = "REFERENCE,RESPONSE", conflicts_with = "values")]
+    pub(crate) lag: Option<List>,
+    /// Largest shift of --lag, in rows.
+    #[arg(long, value_name = "ROWS", default_value_t = 100, requires = "lag", value_parser = whole::<usize>(1..=100_000))]
+    pub(crate) reach: usize,
+    /// Recipe of the columns, for --correlation and --lag (default: the columns of the files).
+    #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
+    pub(crate) recipe: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

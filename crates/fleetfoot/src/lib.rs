@@ -28,7 +28,9 @@ pub struct RustPage;
 #[doc(inline)]
 pub use fleetfoot_auto::{Auto, AutoOutput, Candidate, HorizonChoice, TestedState, auto};
 #[doc(inline)]
-pub use fleetfoot_check::{ChannelSummary, Checked, Fault, Finding, check};
+pub use fleetfoot_check::{
+    ChannelSummary, Checked, Correlations, Fault, Finding, LagCurve, Shift, check, correlations, lag_curve,
+};
 #[doc(inline)]
 pub use fleetfoot_dataset::{
     ColumnRecord, ContentHash, Dataset, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Logs, NoRotation,

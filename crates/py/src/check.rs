@@ -4,6 +4,41 @@ use pyo3::prelude::*;
 
 use crate::{data::Data, object::object, recipe::of_json, run::run};
 
+/// Correlations of the columns of logs.
+#[pyfunction]
+#[pyo3(signature = (data, recipe_text, columns=None, progress=None))]
+pub(crate) fn correlations<'py>(
+    py: Python<'py>,
+    data: &Data,
+    recipe_text: &str,
+    columns: Option<Vec<String>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let recipe = of_json(recipe_text)?;
+    let found =
+        run(py, progress, |progress| Ok(fleetfoot::correlations(&recipe, columns.as_deref(), &data.logs, progress)?))?;
+    object(py, &found)
+}
+
+/// Difference of a response from its reference, by their shift.
+#[pyfunction]
+#[pyo3(signature = (data, recipe_text, reference, response, reach, progress=None))]
+pub(crate) fn lag_curve<'py>(
+    py: Python<'py>,
+    data: &Data,
+    recipe_text: &str,
+    reference: &str,
+    response: &str,
+    reach: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let recipe = of_json(recipe_text)?;
+    let found = run(py, progress, |progress| {
+        Ok(fleetfoot::lag_curve(&recipe, [reference, response], reach, &data.logs, progress)?)
+    })?;
+    object(py, &found)
+}
+
 /// Faults of logs, to be seen before anything is fitted.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, progress=None))]

@@ -102,7 +102,7 @@ mod _core {
     #[pymodule_export]
     use crate::auto::auto;
     #[pymodule_export]
-    use crate::check::check;
+    use crate::check::{check, correlations, lag_curve};
     #[pymodule_export]
     use crate::frequency::frequency;
     #[pymodule_export]

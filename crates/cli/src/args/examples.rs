@@ -19,7 +19,9 @@ Examples:
 pub(crate) const INFO: &str = "\
 Examples:
   fleetfoot info run.mcap
-  fleetfoot info runs/ --values";
+  fleetfoot info runs/ --values
+  fleetfoot info runs/ --correlation
+  fleetfoot info run.csv --lag v_ref,v --reach 200";
 
 pub(crate) const AUTO: &str = "\
 Examples:

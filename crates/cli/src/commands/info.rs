@@ -1,7 +1,9 @@
 //! `fleetfoot info`.
 
+use std::path::PathBuf;
+
 use fleetfoot::{
-    ColumnKind, Error,
+    ColumnKind, Correlations, Error, LagCurve, Recipe, correlations, lag_curve,
     log::{ClockInfo, FileInfo, Format, FoundRuns, TopicInfo, inspect_together, shell_word},
 };
 
@@ -13,6 +15,12 @@ use crate::{
 
 pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
     let files = files(&arguments.data)?;
+    if arguments.correlation || arguments.lag.is_some() {
+        return relations(arguments, &files, context);
+    }
+    if arguments.recipe.is_some() {
+        return Err(Error::value("--recipe is for --correlation and --lag; `fleetfoot check` reads a recipe".into()));
+    }
     let bar = context.bar();
     let infos = inspect_together(&files, arguments.values, &bar);
     bar.finish();
@@ -29,6 +37,90 @@ pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
     }
     context.print(&infos, || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));
     Ok(())
+}
+
+/// Correlations, or the difference of two columns by their shift.
+fn relations(arguments: &Info, files: &[PathBuf], context: &Context) -> Result<(), Error> {
+    let recipe = arguments.recipe.as_deref().map_or_else(|| Ok(Recipe::default()), Recipe::read)?;
+    let bar = context.bar();
+    let Some(lag) = &arguments.lag else {
+        let columns = arguments.columns.as_ref().map(|list| list.0.as_slice());
+        let found = correlations(&recipe, columns, files, &bar);
+        bar.finish();
+        let found = found?;
+        context.notes(&found.notes);
+        context.print(&found, || correlations_to_text(&found));
+        return Ok(());
+    };
+    let [reference, response] = lag.0.as_slice() else {
+        return Err(Error::value(format!("--lag {}: name two columns, REFERENCE,RESPONSE", lag.0.join(","))));
+    };
+    let found = lag_curve(&recipe, [reference, response], arguments.reach, files, &bar);
+    bar.finish();
+    let found = found?;
+    context.notes(&found.notes);
+    context.print(&found, || lags_to_text(&found));
+    Ok(())
+}
+
+/// Columns of a printed matrix, at most.
+const WIDTH: usize = 12;
+/// Correlations that are listed.
+const STRONG: f64 = 0.9;
+
+fn correlations_to_text(found: &Correlations) -> String {
+    let mut text = format!("correlation of {}, {} rows\n", count(found.columns.len(), "column"), found.rows);
+    let cell = |value: f64| if value.is_finite() { format!("{value:.3}") } else { "-".to_owned() };
+    if found.columns.len() <= WIDTH {
+        let header: Vec<&str> = std::iter::once("").chain(found.columns.iter().map(String::as_str)).collect();
+        let row = |(name, values): (&String, &Vec<f64>)| {
+            std::iter::once(name.clone()).chain(values.iter().map(|value| cell(*value))).collect()
+        };
+        text.push_str(&table(&header, found.columns.iter().zip(&found.matrix).map(row).collect()));
+        text.push('\n');
+    }
+    let names = &found.columns;
+    let pairs = (0..names.len()).flat_map(|i| (i + 1..names.len()).map(move |j| (i, j)));
+    let mut strong: Vec<(usize, usize)> = pairs.filter(|&(i, j)| found.matrix[i][j].abs() >= STRONG).collect();
+    strong.sort_by(|a, b| found.matrix[b.0][b.1].abs().total_cmp(&found.matrix[a.0][a.1].abs()));
+    text.push_str(&format!("pairs of size {STRONG} and more: {}", if strong.is_empty() { "none" } else { "" }));
+    for (i, j) in strong {
+        text.push_str(&format!("\n  {} {} and {}", cell(found.matrix[i][j]), names[i], names[j]));
+    }
+    text
+}
+
+/// Shifts of a lag curve that are printed, at most.
+const SHIFTS: usize = 20;
+
+fn lags_to_text(found: &LagCurve) -> String {
+    let step = found.shifts.len().div_ceil(SHIFTS).max(1);
+    let told = |shift: &&fleetfoot::Shift| {
+        shift.rows % step as i64 == 0 || shift.rows == found.nearest || shift.rows == found.alike
+    };
+    let row = |shift: &fleetfoot::Shift| {
+        let mark = match (shift.rows == found.nearest, shift.rows == found.alike) {
+            (true, true) => "<- least difference, largest correlation",
+            (true, false) => "<- least difference",
+            (false, true) => "<- largest correlation",
+            (false, false) => "",
+        };
+        vec![
+            shift.rows.to_string(),
+            format!("{:.4}", shift.seconds),
+            number(shift.difference),
+            number(shift.deviation),
+            if shift.correlation.is_finite() { format!("{:.4}", shift.correlation) } else { "-".to_owned() },
+            mark.to_owned(),
+        ]
+    };
+    let header = ["rows", "s", "mean |difference|", "deviation", "correlation", ""];
+    format!(
+        "{} behind {}, by the rows by which it is later\n{}",
+        found.response,
+        found.reference,
+        table(&header, found.shifts.iter().filter(told).map(row).collect())
+    )
 }
 
 fn kind(kind: &ColumnKind) -> String {

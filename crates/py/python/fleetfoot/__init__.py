@@ -49,6 +49,7 @@ from ._data import open as open  # noqa: A004
 from ._auto import Auto, auto
 from ._check import Checked, Finding, check
 from ._frequency import frequency
+from ._relations import correlations, lag_curve
 from ._prepare import Prepared, prepare
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 from ._report import report
@@ -115,9 +116,11 @@ __all__ = [
     "auto",
     "check",
     "compare",
+    "correlations",
     "frequency",
     "generate",
     "info",
+    "lag_curve",
     "plot",
     "prepare",
     "read",
