@@ -101,10 +101,75 @@ fn a_nonlinear_log_gets_a_network_that_simulates_better_and_runs_as_code() {
     assert!(Command::new(code.join("robot")).output().expect("the test").status.success());
 }
 
+/// The columns `t,x,u` of a spring: the velocity is not measured.
+fn without_velocity(text: &str) -> String {
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        format!("{},{},{}\n", cells[0], cells[1], cells[3])
+    };
+    text.lines().map(row).collect()
+}
+
+#[test]
+fn past_rows_are_read_where_simulations_need_them() {
+    let folder = folder(&[
+        ("run.csv", spring(2500, 1, 12.0)),
+        ("x.csv", without_velocity(&spring(2500, 1, 12.0))),
+        ("other.csv", without_velocity(&spring(800, 900_000, 12.0))),
+    ]);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    // The velocity follows from rows before only.
+    let hidden = ["fit", "network", "x.csv", "--states", "x", "--inputs", "u", "--effort", "low", "--json", "-o"];
+    let found = run(&[&hidden[..], &["x.json"]].concat()).json();
+    assert!(found["lags"]["chosen"] == true && found["lags"]["states"].as_u64() > Some(1), "{found}");
+    assert!(model(folder.path(), "x.json")["libraries"][0].as_array().is_some_and(|own| own.len() > 3));
+    run(&[&hidden[..], &["none.json", "--lags", "0"]].concat());
+    let error = |file: &str| {
+        let found = run(&["rollout", file, "other.csv", "--horizon", "50", "--json"]).json();
+        found["model"]["summary"]["average"]["value"].as_f64().expect("an error")
+    };
+    assert!(error("x.json") < 0.2 * error("none.json"), "{} {}", error("x.json"), error("none.json"));
+    // Both states are measured: one-step errors like past rows. What is written simulates an unseen log as well as the folds' networks did theirs.
+    fs::write(folder.path().join("fresh.csv"), spring(800, 900_000, 12.0)).expect("a log");
+    let found = run(&[&FIT[..], &["--effort", "low", "--json", "-o", "full.json"]].concat()).json();
+    let lags = &found["lags"];
+    if let (Some(written), Some(held)) = (lags["written"].as_f64(), lags["with"].as_array()) {
+        let worst = held.iter().filter_map(serde_json::Value::as_f64).fold(0.0, f64::max);
+        assert!(written < 2.0 * worst, "{lags}");
+    }
+    let found = run(&["rollout", "full.json", "fresh.csv", "--horizon", "50", "--json"]).json();
+    let average = found["model"]["summary"]["average"]["value"].as_f64();
+    assert!(average < Some(0.05), "{average:?}");
+}
+
+#[test]
+fn known_kinematics_stand_beside_a_network() {
+    let recipe = "[states]\nx = { known = \"v\" }\nv = {}\n[inputs]\nu = {}\n[network]\neffort = \"low\"\n";
+    let folder = folder(&[
+        ("run.csv", spring(2500, 1, 12.0)),
+        ("other.csv", spring(800, 900_000, 12.0)),
+        ("r.toml", recipe.to_owned()),
+    ]);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let found = run(&["fit", "network", "-c", "r.toml", "run.csv", "--json", "-o", "net.json"]).json();
+    assert_eq!(found["targets"].as_array().map(Vec::len), Some(1), "{found}");
+    let own = model(folder.path(), "net.json");
+    assert!(own["method"].as_str().is_some_and(|method| method.starts_with("network ")), "{}", own["method"]);
+    let found = run(&["rollout", "net.json", "other.csv", "--horizon", "50", "--json"]).json();
+    let errors = &found["model"]["summary"];
+    assert!(errors["average"]["value"].as_f64() < Some(0.15), "{errors}");
+    run(&["export", "net.json", "--to", "c", "-o", "code"]);
+    // A step of both: the kinematics are integrated, the network gives the next row.
+    run(&["fit", "network", "-c", "r.toml", "run.csv", "--predict", "delta", "-o", "delta.json"]);
+    let found = run(&["rollout", "delta.json", "other.csv", "--horizon", "50", "--json"]).json();
+    let errors = &found["model"]["summary"];
+    assert!(errors["average"]["value"].as_f64() < Some(0.15), "{errors}");
+}
+
 #[test]
 fn a_linear_log_gets_the_linear_model_and_is_told_so() {
     let folder = folder(&[("run.csv", spring(1500, 3, 0.0))]);
-    let options = ["--predict", "next", "--effort", "low", "-o", "net.json"];
+    let options = ["--predict", "next", "--lags", "0", "--effort", "low", "-o", "net.json"];
     let said = fleetfoot(folder.path(), &[&FIT[..], &options].concat()).ok();
     assert!(said.err.contains("no network predicts held-out rows better than the linear model"), "{}", said.err);
     assert!(
@@ -140,7 +205,8 @@ fn derivatives_and_lags_are_learned_and_threads_change_no_byte() {
     for threads in ["1", "2"] {
         let file = format!("net{threads}.json");
         let options = ["--hidden", "6,4", "--activation", "softplus", "--lags", "1", "--effort", "low", "--seed", "3"];
-        let said = fleetfoot(folder.path(), &[&FIT[..], &options, &["--threads", threads, "-o", &file]].concat()).ok();
+        let rest = ["--predict", "derivative", "--threads", threads, "-o", &file];
+        let said = fleetfoot(folder.path(), &[&FIT[..], &options, &rest].concat()).ok();
         assert!(said.out.contains("network 6-4"), "{}", said.out);
         files.push(fs::read(folder.path().join(&file)).expect("a model"));
     }

@@ -3,7 +3,7 @@
 use fleetfoot_data::setting::EFFORT;
 use fleetfoot_data::{Silent, Work};
 use fleetfoot_dataset::Logs;
-use fleetfoot_fit::{FitRequest, Narx, Sindy, plan};
+use fleetfoot_fit::{FitRequest, Narx, Network, Sindy, plan};
 use fleetfoot_recipe::{Effort, Lags};
 
 use crate::candidates::{Kind, Rows, Trial};
@@ -32,9 +32,11 @@ impl Budget {
         };
         let operations: Vec<f64> = trials.iter().map(|trial| operations(trial, rows, logs)).collect();
         let mut sum = 0.0;
-        let borne = operations.iter().map(|&cost| {
-            let borne = cost <= most && sum + cost <= TOGETHER * most;
-            sum += if borne { cost } else { 0.0 };
+        let borne = operations.iter().zip(trials).map(|(&own, trial)| {
+            // A network comes last: what the others leave is its.
+            let of_one = if trial.kind == Kind::Network { TOGETHER * most } else { most };
+            let borne = own <= of_one && sum + own <= TOGETHER * most;
+            sum += if borne { own } else { 0.0 };
             borne
         });
         Self { borne: borne.collect(), operations }
@@ -66,6 +68,9 @@ fn operations(trial: &Trial, rows: &Rows, logs: &Logs) -> f64 {
     match trial.kind {
         Kind::Sindy => plan::<Sindy>(&trial.recipe, &request, logs, &Silent).map_or(0.0, |plan| plan.work.operations),
         Kind::Narx => plan::<Narx>(&trial.recipe, &request, logs, &Silent).map_or(0.0, |plan| plan.work.operations),
+        Kind::Network => {
+            plan::<Network>(&trial.recipe, &request, logs, &Silent).map_or(0.0, |plan| plan.work.operations)
+        }
         Kind::Parameters => 0.0,
         Kind::Pwa => {
             let partition = trial.recipe.model.partition.as_deref().unwrap_or_default();

@@ -11,6 +11,7 @@ pub(crate) enum Kind {
     Sindy,
     Narx,
     Parameters,
+    Network,
 }
 
 /// A model to try.
@@ -62,6 +63,11 @@ pub(crate) struct Rows {
     pub(crate) noisy: bool,
 }
 
+/// The name of the network.
+pub(crate) const NETWORK: &str = "network";
+/// Training rows below which a network is not tried.
+const ROWS_OF_NETWORK: usize = 500;
+
 /// Candidate functions of a library at most, by effort.
 fn most_functions(effort: Effort) -> usize {
     match effort {
@@ -105,6 +111,8 @@ pub(crate) fn candidates(recipe: &Recipe, variants: &[Variant], rows: &Rows) -> 
         let (base, prefix) = (bare(&variant.recipe), format!("{}: ", variant.name));
         trials.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
     }
+    // The dearest, and the hardest to read: last.
+    trials.extend(list.network());
     trials
 }
 
@@ -314,6 +322,18 @@ impl List<'_> {
         trials
     }
 
+    /// A network of the states, the inputs and their past rows, whose size its fit chooses.
+    fn network(&self) -> Option<Trial> {
+        let effort = match self.effort {
+            Effort::Low => return None,
+            Effort::Normal => Effort::Low,
+            Effort::High => Effort::Normal,
+        };
+        let given = self.base.states.values().any(|state| state.equation.is_some());
+        (!given && self.rows.training >= ROWS_OF_NETWORK)
+            .then(|| self.trial(NETWORK, Kind::Network, |recipe| recipe.network.effort = Some(effort)))
+    }
+
     /// The candidates at a longer step, with delayed inputs, and of rows at their recorded stamps.
     fn some(&self) -> Vec<Trial> {
         let mut trials = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
@@ -393,15 +413,16 @@ mod tests {
         for name in ["linear, 10 lags", "equations of degree 2", "regions kmeans:5", "autoregression"] {
             assert!(all.iter().any(|trial| trial == name), "{name}: {all:?}");
         }
+        assert_eq!(all.last().map(String::as_str), Some(NETWORK), "the dearest comes last");
         let low = names("[states]\nx = {}\n", Rows { effort: Effort::Low, ..ROWS });
+        assert!(!low.iter().any(|own| own == NETWORK));
         assert!(low.len() < all.len() / 2);
         // Without a clock there are no derivatives, with few rows no regions.
         let few = names("[states]\nx = {}\n", Rows { training: 50, clock: false, before: 4, ..ROWS });
         assert!(few.iter().all(|name| !name.contains("derivative") && !name.starts_with("regions")), "{few:?}");
-        assert!(few.iter().all(|name| !name.contains("10 lags")), "{few:?}");
-        let smoothed = |rows: Rows| {
-            names("[states]\nx = {}\n", rows).iter().filter(|trial| trial.contains("smoothed states")).count()
-        };
+        assert!(few.iter().all(|name| !name.contains("10 lags") && name != NETWORK), "{few:?}");
+        let smoothed =
+            |rows: Rows| names("[states]\nx = {}\n", rows).iter().filter(|own| own.contains("smoothed states")).count();
         let noisy = Rows { noisy: true, training: 2_000, ..ROWS };
         assert_eq!([noisy, Rows { noisy: false, ..noisy }, Rows { training: 3_000, ..noisy }].map(smoothed), [1, 0, 0]);
         assert_eq!(smoothed(Rows { training: 3_000, effort: Effort::High, ..noisy }), 1);

@@ -407,3 +407,55 @@ impl Auto {
         fleetfoot_dataset::json::value(AutoReport { summary: self.summary(), findings, notes: &self.notes })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::candidates::NETWORK;
+
+    /// A cart on a spring, pushed by a held force, on a stiff contact where it leaves the middle (`stiff`); t, x, v, u.
+    fn cart(stiff: f64) -> String {
+        let (mut x, mut v, mut u, mut text) = (0.3f64, 0.0f64, 0.0f64, String::from("t,x,v,u\n"));
+        let draw = |key: u64| (fleetfoot_data::mix(key) >> 11) as f64 * 2f64.powi(-52) - 1.0;
+        for row in 0..1_500u64 {
+            if row % 20 == 0 {
+                u = 5.0 * draw(row);
+            }
+            let noise = [1, 2].map(|own| 1e-4 * draw(10 * row + 100_000 + own));
+            text += &format!("{:.2},{:.6},{:.6},{u:.6}\n", 0.02 * row as f64, x + noise[0], v + noise[1]);
+            for _ in 0..20 {
+                let pull = u - 4.0 * x - stiff * (8.0 * x).tanh() - 0.6 * v;
+                (x, v) = (x + 1e-3 * v, v + 1e-3 * pull);
+            }
+        }
+        text
+    }
+
+    /// The linear model and the network, the only candidates.
+    fn ranked(stiff: f64) -> Ranking {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.csv");
+        fs::write(&path, cart(stiff)).unwrap();
+        let recipe = Recipe::parse("[states]\nx = {}\nv = {}\n[inputs]\nu = {}\n", "test").unwrap();
+        let logs = Logs::from(&[path]).kept();
+        let checked = check(&recipe, &logs, &Silent).unwrap();
+        let mut search = Search { recipe: &recipe, logs: &logs, notes: Vec::new(), checked };
+        let Looked { horizon, rows, .. } = search.look(&Silent).unwrap();
+        let mut trials = candidates::candidates(&recipe, None, &rows);
+        trials.retain(|own| [MEAN, LINEAR, "linear, 2 lags", NETWORK].contains(&own.name.as_str()));
+        Ranking::new((&trials, &rows), &logs, &horizon, &Silent)
+    }
+
+    #[test]
+    fn a_network_is_chosen_where_its_simulations_are_better_and_not_on_a_linear_log() {
+        let found = ranked(4.0);
+        let names: Vec<_> = found.candidates.iter().map(|own| (&own.name, own.error, &own.reason)).collect();
+        let chosen = &found.candidates[found.chosen().unwrap()];
+        assert!(chosen.name == NETWORK && chosen.method == "fit network", "{names:?}");
+        // Hidden layers count: a network is never the small model.
+        assert!(chosen.coefficients > 40, "{chosen:?}");
+        let found = ranked(0.0);
+        let names: Vec<_> = found.candidates.iter().map(|own| (&own.name, own.error, &own.reason)).collect();
+        assert!(found.candidates[found.chosen().unwrap()].name.starts_with(LINEAR), "{names:?}");
+    }
+}

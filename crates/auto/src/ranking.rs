@@ -3,10 +3,10 @@
 use fleetfoot_data::{Progress, Stages, until_stopped};
 use fleetfoot_dataset::{Logs, Part};
 use fleetfoot_fit::{
-    Error, FitReport, FitRequest, FoldSimulations, Method, Narx, Parameters, Pwa, SimulatedFold, Simulations, Sindy,
-    fit_and_simulate,
+    Error, FitReport, FitRequest, FoldSimulations, Method, Narx, Network, Parameters, Pwa, SimulatedFold, Simulations,
+    Sindy, fit_and_simulate,
 };
-use fleetfoot_model::{Latent, Model};
+use fleetfoot_model::{Basis, Latent, Model};
 use fleetfoot_report::words::ratio;
 use serde::Serialize;
 
@@ -214,9 +214,19 @@ fn persistence(drift: &Tried, folds: &[SimulatedFold]) -> (Tried, Vec<SimulatedF
     (Tried { model, every: drift.every, report, folds: Vec::new() }, folds.iter().map(still).collect())
 }
 
-/// Coefficients of a model that are not zero.
+/// Coefficients of a model that are not zero, and the numbers of its hidden layers.
 fn coefficients(model: &Model) -> usize {
-    model.latents.iter().map(|latent| latent.map.parameters()).sum()
+    let mut networks: Vec<Basis> = Vec::new();
+    for basis in model.latents.iter().filter_map(|latent| latent.map.basis()) {
+        if !networks.contains(&basis) {
+            networks.push(basis);
+        }
+    }
+    let hidden = networks.iter().map(|basis| match basis {
+        Basis::Network(own) => own.numbers(),
+        Basis::Gaussian(_) => 0,
+    });
+    model.latents.iter().map(|latent| latent.map.parameters()).sum::<usize>() + hidden.sum::<usize>()
 }
 
 fn fitted(
@@ -230,6 +240,15 @@ fn fitted(
         Kind::Sindy => of::<Sindy>(trial, logs, simulations, progress),
         Kind::Narx => of::<Narx>(trial, logs, simulations, progress),
         Kind::Parameters => of::<Parameters>(trial, logs, simulations, progress),
+        Kind::Network => {
+            let (tried, folds) = of::<Network>(trial, logs, simulations, progress)?;
+            match tried.model.latents.iter().any(|latent| latent.map.basis().is_some()) {
+                true => Ok((tried, folds)),
+                false => {
+                    Err(Error::undetermined("no network predicts held-out rows better than a linear model".into()))
+                }
+            }
+        }
     }
 }
 
@@ -252,6 +271,7 @@ impl Kind {
             Self::Sindy => "fit sindy",
             Self::Narx => "fit narx",
             Self::Parameters => "fit parameters",
+            Self::Network => "fit network",
         }
     }
 }

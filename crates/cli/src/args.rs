@@ -253,7 +253,7 @@ pub(crate) struct RecipeArgs {
     #[arg(long, value_name = "STATE=HOW")]
     pub(crate) derivative: Vec<String>,
     /// Target: derivative, next, delta, or columns separated by commas; columns need no time stamps (default:
-    /// derivative).
+    /// derivative; of network delta).
     #[arg(long, value_name = "WHAT")]
     pub(crate) predict: Option<String>,
     /// Total degree of the polynomial library; 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx searches).
@@ -264,7 +264,7 @@ pub(crate) struct RecipeArgs {
     #[arg(long, value_name = "N")]
     pub(crate) radial: Option<usize>,
     /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L as L:K
-    /// (default: 0; narx searches).
+    /// (default: 0; narx and network search).
     #[arg(long, value_name = "ROWS")]
     pub(crate) lags: Option<Lags>,
     /// Non-negative row weights, a column or an expression. Weight w counts a squared error w times; only ratios of

@@ -60,9 +60,9 @@ pub use method::{FitReport, FitRequest, Fitted, Method, Rival, rival_file};
 pub use model_file::write_model;
 pub use narx::{
     FileRun, FileRuns, GivenOrder, MeanRun, Narx, NarxCandidate, NarxEquation, NarxOptions, NarxRegion, NarxReport,
-    NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, free_runs_by_file, late_inputs,
+    NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, PastRows, TermRule, free_runs_by_file, late_inputs,
 };
-pub use network::{Network, NetworkCandidate, NetworkErrors, NetworkFound, NetworkReport};
+pub use network::{LagChoice, Network, NetworkCandidate, NetworkErrors, NetworkFound, NetworkReport};
 pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors, simulation_cost};
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, Parameters, ParametersHeldOut, ParametersReport,

@@ -1,6 +1,8 @@
-//! Feed-forward networks beside a linear map: of several sizes the smallest that predicts as well as the best what did not train; the linear model where no network is better.
+//! Feed-forward networks of present and past rows beside a linear map: of several sizes the smallest that predicts as well as the best what did not train; the linear model where no network is better.
 
+mod lags;
 mod options;
+mod pace;
 mod report;
 mod rows;
 mod search;
@@ -10,14 +12,16 @@ mod train;
 
 use std::sync::Arc;
 
-use fleetfoot_data::setting::{EFFORT, FIT_NETWORK, HIDDEN};
-use fleetfoot_data::{Progress, Work, packed};
+use fleetfoot_data::setting::{FIT_NETWORK, LAGS};
+use fleetfoot_data::{Progress, packed};
 use fleetfoot_dataset::{Dataset, Logs, StatisticFile};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Activation, Basis, BasisMap, DenseLayer, Model, Network as Units};
 use fleetfoot_pwa::Identification;
-use fleetfoot_recipe::{PwaSection, Recipe};
+use fleetfoot_recipe::{PwaSection, Recipe, State};
 use fleetfoot_task::Task;
+pub use lags::LagChoice;
+use lags::with_past;
 use options::NetworkOptions;
 pub use report::{NetworkCandidate, NetworkErrors, NetworkReport};
 use rows::Rows;
@@ -26,7 +30,8 @@ use train::Fitted as Trained;
 
 use crate::{
     error::Error,
-    method::{Data, FitRequest, Fitted, Method, RowFacts},
+    method::{Data, FitRequest, Fitted, Method, Opened, RowFacts},
+    narx::PastRows,
     objective::{Beginning, Refinement},
     plan::FitPlan,
     pwa::Pwa,
@@ -35,12 +40,17 @@ use crate::{
     summary::FitSummary,
 };
 
+/// Rows that a plan takes as read of every column, where lags are found.
+const LAGS_PLANNED: usize = 4;
+
 /// `fit network`.
 #[derive(Debug, Clone)]
 pub struct Network {
     options: NetworkOptions,
     /// The linear model of the same functions.
     linear: Pwa,
+    /// True to find lags.
+    looks: bool,
 }
 
 /// The linear model, what was compared, and the model that is written.
@@ -50,26 +60,34 @@ pub struct NetworkFound {
     rule: String,
     trained_rows: usize,
     model: Model,
+    /// The task of the functions that it reads.
+    task: Task,
+    lags: Option<LagChoice>,
 }
 
 impl Method for Network {
     const NAME: &'static str = "network";
     type Report = NetworkReport;
     type Task = Task;
-    type Sums = ();
+    type Sums = Option<PastRows>;
     type Found = NetworkFound;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
         radial::refuse(recipe, "fit network")?;
         let options = NetworkOptions::new(recipe)?;
-        let mut linear = recipe.clone();
+        let mut linear = predicting(recipe);
+        let looks = linear.model.lags.is_none()
+            && matches!(linear.model.predict.as_deref(), Some("next" | "delta" | "difference"));
         linear.model.partition = Some("average".into());
         linear.pwa = PwaSection { folds: Some(options.folds), seed: Some(options.seed), ..PwaSection::default() };
-        Ok(Self { options, linear: Pwa::new(&linear, request)? })
+        Ok(Self { options, linear: Pwa::new(&linear, request)?, looks })
     }
 
     fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
-        let mut plan = self.linear.plan(recipe, logs, progress)?;
+        let mut plan = self.linear.plan(&predicting(recipe), logs, progress)?;
+        if self.looks {
+            plan.candidates *= LAGS_PLANNED;
+        }
         let (inputs, targets) = (plan.candidates, plan.equations.len());
         let rows = plan.reading.rows.min(self.options.most_rows(inputs, targets));
         plan.passes += 1;
@@ -77,11 +95,14 @@ impl Method for Network {
         plan.work.operations += self.options.work(rows, inputs, targets);
         let sizes: Vec<String> = self.options.sizes().iter().map(|own| NetworkCandidate::name_of(own)).collect();
         plan.details = vec![format!("compared with the linear model on {rows} rows: {}", sizes.join(", "))];
+        if self.looks {
+            plan.details.push("lags: those with which linear models simulate held-out spans, up to ten or so".into());
+        }
         Ok(plan)
     }
 
     fn open(&mut self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Dataset, Task), Error> {
-        let (dataset, task) = self.linear.open(recipe, logs, progress)?;
+        let (dataset, task) = self.linear.open(&predicting(recipe), logs, progress)?;
         match task.problem.weight {
             None => Ok((dataset, task)),
             Some(weight) => Err(Error::conflict(format!(
@@ -97,14 +118,14 @@ impl Method for Network {
         _: &Arc<StatisticFile>,
         _: &mut Vec<String>,
         _: &dyn Progress,
-    ) -> Result<(Task, ()), Error> {
+    ) -> Result<(Task, Self::Sums), Error> {
         Err(Error::needs_rows(format!(
             "{FIT_NETWORK} trains on rows, which a statistic has not; give the logs instead"
         )))
     }
 
     fn carried(&self, recipe: &Recipe, over: Option<u32>) -> Recipe {
-        self.linear.carried(recipe, over)
+        self.linear.carried(&predicting(recipe), over)
     }
 
     fn rollouts(&self) -> Option<RolloutRule> {
@@ -112,7 +133,7 @@ impl Method for Network {
     }
 
     fn with_span(&self, recipe: &Recipe, task: &Task, over: Option<u32>) -> Task {
-        self.linear.with_span(recipe, task, over)
+        self.linear.with_span(&predicting(recipe), task, over)
     }
 
     /// Spans of derivatives are chosen by the linear model.
@@ -120,30 +141,124 @@ impl Method for Network {
         self.linear.trials(data, progress)
     }
 
-    fn sum(&self, _: Data<'_, Task>, _: &mut Vec<String>, _: &dyn Progress) -> Result<(), Error> {
-        Ok(())
+    fn sum(&self, _: Data<'_, Task>, _: &mut Vec<String>, _: &dyn Progress) -> Result<Self::Sums, Error> {
+        Ok(None)
+    }
+
+    /// Nothing is summed, but past rows that the functions may read are found.
+    fn sum_logs(
+        &self,
+        opened: &mut Opened<Task>,
+        _: &Logs,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Self::Sums, Error> {
+        if !self.looks {
+            return Ok(None);
+        }
+        let how = (self.options.effort, self.options.folds.into(), self.options.seed);
+        let past = match PastRows::find(&opened.recipe, &opened.dataset, how, progress) {
+            Ok(past) => past,
+            Err(error @ Error::Cancelled(_)) => return Err(error),
+            Err(error) => {
+                notes.push(format!(
+                    "only the present row is read, as lags could not be found ({LAGS} sets them): {error}"
+                ));
+                return Ok(None);
+            }
+        };
+        Ok(Some(past))
     }
 
     fn find(
         &self,
         data: Data<'_, Task>,
-        (): &(),
+        past: &Self::Sums,
         notes: &mut Vec<String>,
         progress: &dyn Progress,
     ) -> Result<Vec<NetworkFound>, Error> {
+        let mut of_present = Vec::new();
+        let present = self.one(data, &mut of_present, progress)?;
+        let task = past.as_ref().map(|past| with_past(data, past)).transpose()?.flatten();
+        match (past, task) {
+            (Some(past), Some(task)) => {
+                Ok(vec![self.with_lags(data, (present, of_present), (&task, past), notes, progress)?])
+            }
+            _ => {
+                notes.append(&mut of_present);
+                Ok(vec![present])
+            }
+        }
+    }
+
+    fn model(found: &NetworkFound) -> &Model {
+        &found.model
+    }
+
+    fn again(&self, data: Data<'_, Task>, found: &NetworkFound, progress: &dyn Progress) -> Result<Beginning, Error> {
+        Ok((self.trained(data, found, progress)?, None))
+    }
+
+    fn refine(&self, _: Data<'_, Task>, _: &Self::Sums, _: &mut NetworkFound, _: &mut Refinement) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn expressions(&self, task: &Task) -> Vec<Expr> {
+        self.linear.expressions(task)
+    }
+
+    fn facts(&self, data: Data<'_, Task>, _: &Self::Sums, found: &NetworkFound) -> RowFacts {
+        self.linear.facts(data, &None, &found.linear)
+    }
+
+    fn report(
+        &self,
+        _: Data<'_, Task>,
+        _: &Self::Sums,
+        found: NetworkFound,
+        summary: FitSummary,
+        _: &dyn Progress,
+    ) -> Result<Fitted<NetworkReport>, Error> {
+        let NetworkFound { linear, found, rule, trained_rows, model, lags, .. } = found;
+        let report = NetworkReport {
+            hash: model.hash(),
+            rows: linear.rows,
+            trained_rows: trained_rows as u64,
+            targets: linear.targets,
+            sigma: linear.sigma,
+            fold_rule: rule,
+            candidates: found.candidates,
+            chosen: found.chosen,
+            held_out: found.held_out,
+            lags,
+            summary,
+        };
+        Ok(Fitted { value: None, model, rivals: Vec::new(), report })
+    }
+}
+
+/// The recipe with a prediction: where none is given, that of the change from row to row, whose past rows are regressors. A central difference reads the rows beside it,
+/// and their noise would explain its own; a measured or a known derivative stays.
+fn predicting(recipe: &Recipe) -> Recipe {
+    let mut own = recipe.clone();
+    let has_derivative = |state: &State| state.derivative.is_some() || state.known.is_some();
+    if recipe.model.predict.is_none() && !recipe.states.values().any(has_derivative) {
+        own.model.predict = Some("delta".into());
+    }
+    own
+}
+
+impl Network {
+    /// The candidates of the functions of a task, compared.
+    fn one(
+        &self,
+        data: Data<'_, Task>,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<NetworkFound, Error> {
         let mut of_linear = Vec::new();
         let linear = self.linear.find(data, &None, &mut of_linear, progress)?.swap_remove(0);
         let rows = self.rows(data, progress, true)?;
-        let (p, q) = (rows.table.inputs(), rows.table.targets());
-        progress.expect(Work {
-            operations: self.options.work(rows.table.rows(), p, q),
-            parts: usize::from(self.options.folds),
-            mend: format!(
-                "less effort ({}) or one size of hidden layers ({}) makes it shorter",
-                EFFORT.to("low"),
-                HIDDEN.to("16")
-            ),
-        });
         let mut found = search(&rows, &self.options, progress)?;
         if rows.table.rows() < rows.complete {
             found.notes.push(format!(
@@ -165,14 +280,20 @@ impl Method for Network {
             self.write(&mut model, &found.fitted, &rows);
         }
         notes.append(&mut found.notes);
-        Ok(vec![NetworkFound { linear, found, rule: rows.rule, trained_rows: rows.table.rows(), model }])
+        Ok(NetworkFound {
+            linear,
+            found,
+            rule: rows.rule,
+            trained_rows: rows.table.rows(),
+            model,
+            task: data.task.clone(),
+            lags: None,
+        })
     }
 
-    fn model(found: &NetworkFound) -> &Model {
-        &found.model
-    }
-
-    fn again(&self, data: Data<'_, Task>, found: &NetworkFound, progress: &dyn Progress) -> Result<Beginning, Error> {
+    /// The chosen candidate fitted to some rows.
+    fn trained(&self, data: Data<'_, Task>, found: &NetworkFound, progress: &dyn Progress) -> Result<Model, Error> {
+        let data = Data { task: &found.task, ..data };
         let (_, mut model) = self.linear.trials(data, progress)?.swap_remove(0);
         model.method.clone_from(&found.model.method);
         let hidden = &found.found.candidates[found.found.chosen].hidden;
@@ -186,47 +307,9 @@ impl Method for Network {
             let fitted = train::network(&shape, &rows.table, &all, &how, progress)?;
             self.write(&mut model, &fitted, &rows);
         }
-        Ok((model, None))
+        Ok(model)
     }
 
-    fn refine(&self, _: Data<'_, Task>, (): &(), _: &mut NetworkFound, _: &mut Refinement) -> Result<(), Error> {
-        Ok(())
-    }
-
-    fn expressions(&self, task: &Task) -> Vec<Expr> {
-        self.linear.expressions(task)
-    }
-
-    fn facts(&self, data: Data<'_, Task>, (): &(), found: &NetworkFound) -> RowFacts {
-        self.linear.facts(data, &None, &found.linear)
-    }
-
-    fn report(
-        &self,
-        _: Data<'_, Task>,
-        (): &(),
-        found: NetworkFound,
-        summary: FitSummary,
-        _: &dyn Progress,
-    ) -> Result<Fitted<NetworkReport>, Error> {
-        let NetworkFound { linear, found, rule, trained_rows, model } = found;
-        let report = NetworkReport {
-            hash: model.hash(),
-            rows: linear.rows,
-            trained_rows: trained_rows as u64,
-            targets: linear.targets,
-            sigma: linear.sigma,
-            fold_rule: rule,
-            candidates: found.candidates,
-            chosen: found.chosen,
-            held_out: found.held_out,
-            summary,
-        };
-        Ok(Fitted { value: None, model, rivals: Vec::new(), report })
-    }
-}
-
-impl Network {
     /// The rows of a fit, in folds or not.
     fn rows(&self, data: Data<'_, Task>, progress: &dyn Progress, folds: bool) -> Result<Rows, Error> {
         let problem = &data.task.problem;

@@ -37,11 +37,11 @@ pub fn long_work(work: Work) -> Option<String> {
     }
     let threads = thread_count().clamp(1, work.parts.max(1));
     let seconds = expected_seconds(work.operations) / threads as f64;
-    (seconds > PATIENCE).then(|| format!("this takes about {}; {}", in_words(seconds), work.mend))
+    (seconds > PATIENCE).then(|| format!("this takes about {}; {}", duration_in_words(seconds), work.mend))
 }
 
-/// A duration to about one digit.
-fn in_words(seconds: f64) -> String {
+/// A duration in words, to about one digit.
+pub fn duration_in_words(seconds: f64) -> String {
     let rounded = |value: f64, word: &str| {
         let unit = 10_f64.powf(value.log10().floor());
         let value = if value < 10.0 { value.round() } else { (value / unit).round() * unit };
@@ -85,7 +85,7 @@ mod tests {
         assert_eq!(long_work(work(1e6)), None);
         let note = long_work(work(1e14)).unwrap();
         assert!(note.starts_with("this takes about ") && note.ends_with("; fewer folds make it shorter"), "{note}");
-        let words = [12.0, 58.0, 70.0, 640.0, 5000.0, 1e5, 1e6].map(in_words);
+        let words = [12.0, 58.0, 70.0, 640.0, 5000.0, 1e5, 1e6].map(duration_in_words);
         assert_eq!(words, ["10 seconds", "60 seconds", "1 minute", "10 minutes", "1 hour", "30 hours", "10 days"]);
     }
 }

@@ -77,7 +77,7 @@ pub use collinearity::Collinearity;
 pub use compressed::Compressed;
 pub use concentration::Concentration;
 pub use contraction::{Contracted, Contraction, lyapunov, spectral_radius};
-pub use duration::{expected_seconds, long_work};
+pub use duration::{duration_in_words, expected_seconds, long_work};
 pub use errors::{ErrorSum, ErrorSums, explained_share};
 pub use factor::Factor;
 pub use fisher::f_tail;

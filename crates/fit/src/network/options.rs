@@ -21,7 +21,7 @@ pub(super) struct NetworkOptions {
     /// Units of the hidden layers; `None`: sizes are tried.
     hidden: Option<Vec<usize>>,
     pub(super) activation: Activation,
-    effort: Effort,
+    pub(super) effort: Effort,
     pub(super) folds: u16,
     pub(super) seed: u64,
     /// Bytes for rows.

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::lags::LagChoice;
 use crate::{method::FitReport, summary::FitSummary};
 
 /// A size that was compared.
@@ -81,6 +82,8 @@ pub struct NetworkReport {
     pub chosen: usize,
     /// Errors of each target on held-out rows.
     pub held_out: Vec<NetworkErrors>,
+    /// Models of past rows beside those of the present row; `None` where lags are given, or not looked for.
+    pub lags: Option<LagChoice>,
     /// What the reports of all methods say.
     #[serde(flatten)]
     pub summary: FitSummary,

@@ -5,6 +5,7 @@ use fleetfoot_learn::{Shape, Units};
 
 use super::{
     options::NetworkOptions,
+    pace::Pace,
     report::{NetworkCandidate, NetworkErrors, mean_and_error},
     rows::Rows,
     train::{Fitted, linear, network, solved},
@@ -50,7 +51,11 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
     // The networks of the first fold, which are there when the user stops.
     let mut first: Vec<Option<Fitted>> = vec![None];
     let mut stopped = false;
-    for hidden in options.sizes() {
+    let sizes = options.sizes();
+    let of_folds: Vec<usize> = splits.iter().map(|[train, _]| train.len()).collect();
+    let pace = Pace::measured(&sizes, options, (table, &all), &of_folds)?;
+    progress.expect(pace.work());
+    for (at, hidden) in sizes.into_iter().enumerate() {
         let name = NetworkCandidate::name_of(&hidden);
         let numbers = 1 + p + hidden.last().copied().unwrap_or(0);
         if least < 3 * numbers {
@@ -65,7 +70,8 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
         }
         let shape = Shape { inputs: p, hidden: hidden.clone(), activation: options.activation };
         let so_far = candidates.iter().map(|own| own.loss).fold(f64::INFINITY, f64::min);
-        let stages = Stages::new(progress, format!("held-out loss so far {so_far:.2e}"));
+        let stages =
+            Stages::new(progress, format!("held-out loss so far {so_far:.2e}, at most {} left", pace.left(at)));
         stages.stage(&name);
         let fold = |at: usize| {
             let [train, held] = &splits[at];

@@ -8,6 +8,7 @@ const PARTS: usize = 40;
 const EVERY: usize = 5;
 
 /// A network, or a linear map, fitted to some rows.
+#[derive(Clone)]
 pub(super) struct Fitted {
     /// `None` for the linear map.
     pub(super) hidden: Option<(Shape, Vec<f64>)>,

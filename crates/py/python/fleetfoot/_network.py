@@ -29,13 +29,15 @@ class Network(Identifier):
         Sizes that are tried, and the passes over rows that training takes.
     target : str, optional
         ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
-        else ``"derivative"``.
+        else ``"delta"``; ``"derivative"`` where a state has a known or a measured derivative.
     degree : int, optional
         Total degree of the polynomials that the linear map and the network read. When not given what the recipe says,
         else 1.
     lags : int, str or mapping, optional
         Past rows of every state and input that stand beside the present one: the last 3, ``3``, or every 5th of the
-        last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``. When not given what the recipe says, else 0.
+        last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``. When not given what the recipe says, else those with which
+        linear models simulate held-out spans best, if the network simulates them better with past rows than without
+        (``target="next"`` and ``"delta"``).
     folds : int, default=5
         Folds of the cross-validation: whole episodes where there are enough, else spans.
     seed : int, default=0
