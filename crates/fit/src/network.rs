@@ -20,10 +20,9 @@ use fleetfoot_model::{Activation, Basis, BasisMap, DenseLayer, Model, Network as
 use fleetfoot_pwa::Identification;
 use fleetfoot_recipe::{PwaSection, Recipe, State};
 use fleetfoot_task::Task;
-pub use lags::LagChoice;
 use lags::with_past;
 use options::NetworkOptions;
-pub use report::{NetworkCandidate, NetworkErrors, NetworkReport};
+pub use report::{LagChoice, NetworkCandidate, NetworkErrors, NetworkReport};
 use rows::Rows;
 use search::{Found, search};
 use train::Fitted as Trained;

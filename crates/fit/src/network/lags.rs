@@ -6,11 +6,10 @@ use fleetfoot_learn::{Shape, Units};
 use fleetfoot_library::Library;
 use fleetfoot_model::{Basis, Model};
 use fleetfoot_task::Task;
-use serde::Serialize;
 
 use super::{
     Network, NetworkFound,
-    report::NetworkCandidate,
+    report::{LagChoice, NetworkCandidate},
     rows::Rows,
     search::choose,
     train::{Fitted, solved},
@@ -34,27 +33,6 @@ struct Simulated {
     errors: [Vec<f64>; 2],
     /// The models, of every fold.
     models: [Vec<Model>; 2],
-}
-
-/// The model of present rows beside that of past rows.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct LagChoice {
-    /// The past rows that linear models chose.
-    #[serde(flatten)]
-    pub past: PastRows,
-    /// Steps of the simulations.
-    pub horizon: usize,
-    /// Error of simulations of held-out spans over that of persistence, of every fold, without past rows; infinite where one diverged.
-    pub without: Vec<f64>,
-    /// The same with them.
-    pub with: Vec<f64>,
-    /// Whether the written model reads past rows.
-    pub chosen: bool,
-    /// Error of simulations of the training rows by the written model, in the same unit.
-    pub written: f64,
-    /// Whether simulations of the training rows chose its hidden layers, among those of all rows and of the folds, and its ridge.
-    pub anew: bool,
 }
 
 /// The task whose functions are those of past rows; `None` where there are none beside the present row.

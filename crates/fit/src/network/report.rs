@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::lags::LagChoice;
-use crate::{method::FitReport, summary::FitSummary};
+use crate::{method::FitReport, narx::PastRows, summary::FitSummary};
 
 /// A size that was compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -58,6 +57,27 @@ pub struct NetworkErrors {
     pub mean: f64,
     /// Of persistence: the value stays, its derivative is zero. NaN where that says nothing.
     pub persistence: f64,
+}
+
+/// The model of present rows beside that of past rows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LagChoice {
+    /// The past rows that linear models chose.
+    #[serde(flatten)]
+    pub past: PastRows,
+    /// Steps of the simulations.
+    pub horizon: usize,
+    /// Error of simulations of held-out spans over that of persistence, of every fold, without past rows; infinite where one diverged.
+    pub without: Vec<f64>,
+    /// The same with them.
+    pub with: Vec<f64>,
+    /// Whether the written model reads past rows.
+    pub chosen: bool,
+    /// Error of simulations of the training rows by the written model, in the same unit.
+    pub written: f64,
+    /// Whether simulations of the training rows chose its hidden layers, among those of all rows and of the folds, and its ridge.
+    pub anew: bool,
 }
 
 /// What a fit of networks found.
