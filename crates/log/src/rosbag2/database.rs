@@ -140,7 +140,9 @@ impl DatabaseContainer {
             if progress.cancelled() {
                 return Err(Error::from(Cancelled));
             }
-            Ok(groups[group].iter().map(|&page| self.leaf(page)).collect::<Vec<Leaf>>())
+            let leaves = groups[group].iter().map(|&page| self.leaf(page)).collect::<Vec<Leaf>>();
+            self.database.release_around(groups[group]);
+            Ok(leaves)
         })?;
         let room = self
             .leaves
@@ -359,6 +361,7 @@ impl Container for DatabaseContainer {
                 }
             }
         }
+        self.database.release_around(&self.leaves[own.leaves.clone()]);
         if !damage.is_empty() {
             self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
         }

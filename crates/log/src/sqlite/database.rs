@@ -116,4 +116,12 @@ impl Database {
     pub(crate) fn release(&self) {
         self.map.release(0..self.map.len());
     }
+
+    /// The same of the stretch of the file that some pages lie in, with the overflow pages between them.
+    pub(crate) fn release_around(&self, pages: &[u32]) {
+        if let (Some(&first), Some(&last)) = (pages.iter().min(), pages.iter().max()) {
+            let end = self.place(last).saturating_add(self.page_size).min(self.map.len());
+            self.map.release(self.place(first)..end);
+        }
+    }
 }

@@ -30,6 +30,10 @@ pub(crate) struct Row<'a> {
 
 /// A variable-length integer, and the bytes behind it.
 pub(super) fn varint(bytes: &[u8]) -> Option<(u64, &[u8])> {
+    // Most are one byte.
+    if let [byte @ 0..0x80, rest @ ..] = bytes {
+        return Some((u64::from(*byte), rest));
+    }
     let mut value = 0_u64;
     for (place, &byte) in bytes.iter().take(9).enumerate() {
         if place == 8 {

@@ -8,6 +8,9 @@ use super::{
 /// Depth beyond which no tree goes: a page has at least four children.
 const MAX_DEPTH: usize = 24;
 
+/// Leaves after which the memory of those before is given back: the system maps sixteen pages for each that is read.
+const RELEASED: usize = 1024;
+
 /// Kinds of pages.
 const LEAF: u8 = 0x0d;
 const INTERIOR: u8 = 0x05;
@@ -71,7 +74,12 @@ impl Table {
                 .filter(|_| fresh && depth < MAX_DEPTH)
                 .and_then(|page| Page::parse(number, page))
             {
-                Some(Page { kind: LEAF, .. }) => leaves.pages.push(number),
+                Some(Page { kind: LEAF, .. }) => {
+                    leaves.pages.push(number);
+                    if leaves.pages.len().is_multiple_of(RELEASED) {
+                        database.release();
+                    }
+                }
                 Some(page) => {
                     stack.extend(page.last_child.map(|child| (child, depth + 1)));
                     let children: Vec<u32> = page.cells().filter_map(|place| page.word(place)).collect();

@@ -72,13 +72,17 @@ fn every_numeric_type_with_nulls() {
 }
 
 #[test]
-fn lists_and_binaries_are_refused_with_their_type() {
-    for (name, word) in [("list.list.element", "list"), ("binary", "binary")] {
-        let listed = inspect(fixture("types")).unwrap();
+fn lists_of_one_length_are_columns_and_other_types_are_refused() {
+    let recording = open(&[fixture("types")], &Selection::new(["list[0]", "list[1]"])).unwrap();
+    assert_eq!(columns(&recording), [vec![1.0; ROWS], vec![2.0; ROWS]]);
+    let uneven = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../../tests/data/lerobot/meta/episodes/chunk-000/file-000.parquet");
+    for (path, name, word) in [(fixture("types"), "binary", "binary"), (uneven, "tasks.list.element", "list")] {
+        let listed = inspect(&path).unwrap();
         let column = listed.columns.iter().find(|column| column.name == name).unwrap();
         assert_eq!(column.unsupported.as_deref(), Some(word));
-        let message = open(&[fixture("types")], &Selection::new([name])).unwrap_err().to_string();
-        assert!(message.contains("types.parquet") && message.contains(word), "{message}");
+        let message = open(&[&path], &Selection::new([name])).unwrap_err().to_string();
+        assert!(message.contains(".parquet") && message.contains(word), "{message}");
     }
 }
 
