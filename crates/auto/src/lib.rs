@@ -441,7 +441,7 @@ mod tests {
         let checked = check(&recipe, &logs, &Silent).unwrap();
         let mut search = Search { recipe: &recipe, logs: &logs, notes: Vec::new(), checked };
         let Looked { horizon, rows, .. } = search.look(&Silent).unwrap();
-        let mut trials = candidates::candidates(&recipe, None, &rows);
+        let mut trials = candidates::candidates(&recipe, &[], &rows);
         trials.retain(|own| [MEAN, LINEAR, "linear, 2 lags", NETWORK].contains(&own.name.as_str()));
         Ranking::new((&trials, &rows), &logs, &horizon, &Silent)
     }

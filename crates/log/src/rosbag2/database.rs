@@ -361,7 +361,7 @@ impl Container for DatabaseContainer {
                 }
             }
         }
-        self.database.release_around(&self.leaves[own.leaves.clone()]);
+        self.database.release_around(&self.leaves[piece_ref.leaves.clone()]);
         if !damage.is_empty() {
             self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
         }
