@@ -9,8 +9,8 @@ use fleetfoot_model::Model;
 use crate::{
     Baseline, Basis, End, Error, Estimate, Mahalanobis, PathScores, RawHorizon, RolloutOptions, Simulator, Trajectory,
     geometry::{Component, Geometry, Shape, parts},
+    ideal::References,
     path::{alignment, propagated_error, warping_distance},
-    reference::References,
     window::Window,
 };
 

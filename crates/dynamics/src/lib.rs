@@ -49,6 +49,7 @@ mod free_run;
 mod general;
 pub mod geometry;
 mod horizon;
+mod ideal;
 mod integrate;
 mod kernel;
 mod layout;

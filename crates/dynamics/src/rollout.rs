@@ -10,7 +10,7 @@ use crate::{
     End, Error, Horizon, Outside, RolloutOptions, Simulator, Start, Starts, Trajectory,
     controller::Controller,
     horizon::{HorizonScorer, HorizonSums},
-    reference::References,
+    ideal::References,
     trajectories::GROUP,
     window::{Window, read_windows},
 };
