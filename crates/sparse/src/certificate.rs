@@ -57,7 +57,7 @@ pub fn certificate(
     let p = problem.columns();
     if coefficients.len() != p {
         let (what, count) = ("the coefficients", coefficients.len());
-        return Err(SparseError::Length { what, found: count, expected: p });
+        return Err(SparseError::Length { what, actual: count, expected: p });
     }
     if let Some(column) = coefficients.iter().position(|value| !value.is_finite()) {
         return Err(SparseError::ColumnNotFinite { column });

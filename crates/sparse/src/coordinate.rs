@@ -78,7 +78,7 @@ pub fn coordinate_descent_from(
 ) -> Result<Vec<Descended>, SparseError> {
     let p = problem.columns();
     if start.len() != p {
-        return Err(SparseError::Length { what: "the start", found: start.len(), expected: p });
+        return Err(SparseError::Length { what: "the start", actual: start.len(), expected: p });
     }
     if let Some(column) = start.iter().position(|value| !value.is_finite()) {
         return Err(SparseError::ColumnNotFinite { column });

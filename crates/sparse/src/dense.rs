@@ -69,12 +69,12 @@ pub enum DenseError {
     #[error(transparent)]
     Problem(#[from] SparseError),
     /// A group label that is not below the number of groups.
-    #[error("row {} has the group {found}: groups are 0 to {most}", row + 1)]
+    #[error("row {} has the group {label}: groups are 0 to {most}", row + 1)]
     Group {
         /// The row.
         row: usize,
         /// Its label.
-        found: u32,
+        label: u32,
         /// The largest label there may be.
         most: usize,
     },
@@ -162,7 +162,7 @@ impl DenseDesign {
         let given = [("the row weights", weights.as_ref().map_or(n, Vec::len)), ("the groups", labels.len())];
         for (what, length) in given {
             if length != n && !(length == 0 && what == "the groups") {
-                return Err(SparseError::Length { what, found: length, expected: n }.into());
+                return Err(SparseError::Length { what, actual: length, expected: n }.into());
             }
         }
         if let Some(weights) = &weights
@@ -172,7 +172,7 @@ impl DenseDesign {
         }
         let groups = if labels.is_empty() { 1 } else { groups.max(1) };
         if let Some(row) = labels.iter().position(|&label| label as usize >= groups) {
-            return Err(DenseError::Group { row, found: labels[row], most: groups - 1 });
+            return Err(DenseError::Group { row, label: labels[row], most: groups - 1 });
         }
         if n == 0 {
             return Err(SparseError::NoRows.into());
@@ -283,7 +283,7 @@ impl DenseDesign {
         let (p, k, targets) = (self.regressors(), intercepts.len(), self.targets());
         if coefficients.len() != p * k {
             let (what, count) = ("the coefficients", coefficients.len());
-            return Err(SparseError::Length { what, found: count, expected: p * k }.into());
+            return Err(SparseError::Length { what, actual: count, expected: p * k }.into());
         }
         if target >= targets {
             return Err(SparseError::NoSuchTarget { target, targets }.into());

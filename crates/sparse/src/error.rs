@@ -8,12 +8,12 @@ pub enum SparseError {
     #[error("there are no rows: a fit needs at least one row of positive weight")]
     NoRows,
     /// Two arguments that must have the same length have not.
-    #[error("{what} has {found} entries, {expected} are needed")]
+    #[error("{what} has {actual} entries, {expected} are needed")]
     Length {
         /// The argument.
         what: &'static str,
         /// Its length.
-        found: usize,
+        actual: usize,
         /// The length it must have.
         expected: usize,
     },
@@ -127,11 +127,11 @@ pub enum SparseError {
     },
     /// Targets of other rows.
     #[error(
-        "one target has rows of total weight {found}, another of {expected}: fit only targets with the same rows together"
+        "one target has rows of total weight {actual}, another of {expected}: fit only targets with the same rows together"
     )]
     OtherRows {
         /// Weight of the one.
-        found: f64,
+        actual: f64,
         /// Weight of the other.
         expected: f64,
     },
@@ -158,10 +158,10 @@ pub enum SparseError {
         value: f64,
     },
     /// A path and a problem that do not belong together.
-    #[error("the path belongs to another problem: it has {found} columns, the problem {expected}")]
+    #[error("the path belongs to another problem: it has {actual} columns, the problem {expected}")]
     OtherProblem {
         /// Columns of the path.
-        found: usize,
+        actual: usize,
         /// Columns of the problem.
         expected: usize,
     },

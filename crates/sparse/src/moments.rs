@@ -120,7 +120,7 @@ impl Quadratic {
     pub fn from_dense_products(gram: &[f64], xy: &[f64], yy: Option<f64>, n: f64) -> Result<Self, SparseError> {
         let p = xy.len();
         if gram.len() != p * p {
-            return Err(SparseError::Length { what: "the Gram matrix", found: gram.len(), expected: p * p });
+            return Err(SparseError::Length { what: "the Gram matrix", actual: gram.len(), expected: p * p });
         }
         let gram = MatRef::from_column_major_slice(gram, p, p);
         let share = |j: usize| if gram[(j, j)] > 0.0 { xy[j] * (xy[j] / gram[(j, j)]) } else { 0.0 };
@@ -135,7 +135,7 @@ impl Quadratic {
         let p = xy.len();
         for size in [gram.nrows(), gram.ncols()] {
             if size != p {
-                return Err(SparseError::Length { what: "the Gram matrix", found: size, expected: p });
+                return Err(SparseError::Length { what: "the Gram matrix", actual: size, expected: p });
             }
         }
         Self::of_moments(n, None, Slab::from_fn(p, p, |i, j| gram[(i, j)]), xy.to_vec(), yy, false)

@@ -197,7 +197,7 @@ impl Path {
     /// As [`Path::coefficients`], and when `problem` has another number of columns than the path.
     pub fn at(&self, problem: &Quadratic, lambda: f64) -> Result<Solution, SparseError> {
         if problem.columns() != self.columns {
-            return Err(SparseError::OtherProblem { found: self.columns, expected: problem.columns() });
+            return Err(SparseError::OtherProblem { actual: self.columns, expected: problem.columns() });
         }
         if !self.linear {
             check_strength("lambda", lambda)?;

@@ -113,7 +113,7 @@ impl Weights {
         let p = problem.columns();
         for (what, length) in [("the penalty factors", penalty.factors.len()), ("the signs", penalty.signs.len())] {
             if length != 0 && length != p {
-                return Err(SparseError::Length { what, found: length, expected: p });
+                return Err(SparseError::Length { what, actual: length, expected: p });
             }
         }
         if let Some(column) = penalty.factors.iter().position(|factor| factor.is_nan() || *factor < 0.0) {

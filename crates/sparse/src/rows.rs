@@ -50,7 +50,7 @@ impl Quadratic {
         let (n, p) = x.shape();
         for (what, length) in [("the target", y.len()), ("the row weights", weights.map_or(n, <[f64]>::len))] {
             if length != n {
-                return Err(SparseError::Length { what, found: length, expected: n });
+                return Err(SparseError::Length { what, actual: length, expected: n });
             }
         }
         let weight = |row: usize| weights.map_or(1.0, |weights| weights[row]);

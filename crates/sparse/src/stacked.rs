@@ -19,10 +19,10 @@ impl Quadratic {
         for other in problems {
             let columns = other.columns();
             if columns != p {
-                return Err(SparseError::OtherProblem { found: columns, expected: p });
+                return Err(SparseError::OtherProblem { actual: columns, expected: p });
             }
             if other.weight != first.weight {
-                return Err(SparseError::OtherRows { found: other.weight, expected: first.weight });
+                return Err(SparseError::OtherRows { actual: other.weight, expected: first.weight });
             }
         }
         let size = norm(problems.iter().map(|problem| problem.size));

@@ -47,11 +47,11 @@ pub fn dense_bootstrap(
     }
     let (count, expected) = (request.lambdas.len(), rows.targets());
     if count != expected {
-        return Err(SparseError::Length { what: "the list of the targets' lambdas", found: count, expected }.into());
+        return Err(SparseError::Length { what: "the list of the targets' lambdas", actual: count, expected }.into());
     }
     if let Some(length) = request.counts.iter().map(Vec::len).find(|&length| length != rows.rows()) {
         let expected = rows.rows();
-        return Err(SparseError::Length { what: "the counts of a replicate", found: length, expected }.into());
+        return Err(SparseError::Length { what: "the counts of a replicate", actual: length, expected }.into());
     }
     let whole = request.fit(rows, weights.map(<[f64]>::to_vec), None, progress)?;
     let replicates = parallel_map(request.counts.len(), progress, |replicate| {

@@ -40,7 +40,7 @@ impl Constraints {
     pub(super) fn sides(&self, p: usize) -> Result<Vec<Side>, ConstrainedError> {
         for (what, length) in [("the bounds", self.bounds.len()), ("the names of the coefficients", self.names.len())] {
             if length != 0 && length != p {
-                return Err(crate::SparseError::Length { what, found: length, expected: p }.into());
+                return Err(crate::SparseError::Length { what, actual: length, expected: p }.into());
             }
         }
         let mut sides = Vec::new();

@@ -170,12 +170,12 @@ fn bad_input_is_named() {
     let made = |weights, labels, groups| DenseDesign::new(table(), weights, labels, groups, &Silent).unwrap_err();
     assert!(matches!(
         made(Some(vec![1.0; 9]), Vec::new(), 1),
-        DenseError::Problem(SparseError::Length { found: 9, .. })
+        DenseError::Problem(SparseError::Length { actual: 9, .. })
     ));
     let mut weights = vec![1.0; 10];
     weights[4] = -1.0;
     assert!(matches!(made(Some(weights), Vec::new(), 1), DenseError::Problem(SparseError::RowWeight { row: 4, .. })));
-    assert!(matches!(made(None, vec![7; 10], 3), DenseError::Group { row: 0, found: 7, most: 2 }));
+    assert!(matches!(made(None, vec![7; 10], 3), DenseError::Group { row: 0, label: 7, most: 2 }));
     let none = DenseDesign::new(table(), Some(vec![0.0; 10]), Vec::new(), 1, &Silent).unwrap();
     assert!(matches!(none.problems(None, true), Err(DenseError::Problem(SparseError::NoRows))));
     assert!(none.mean_squares(None, 0, &[0.0; 3], &[0.0], &Silent).is_err());

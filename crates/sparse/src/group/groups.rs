@@ -32,7 +32,7 @@ impl Groups {
     pub(super) fn checked(&self, columns: usize, penalty: &Penalty) -> Result<Vec<f64>, SparseError> {
         let (count, expected) = (self.of.len(), columns);
         if count != expected {
-            return Err(SparseError::Length { what: "the list of the columns' groups", found: count, expected });
+            return Err(SparseError::Length { what: "the list of the columns' groups", actual: count, expected });
         }
         if let Some(column) = self.of.iter().position(|&group| group >= columns) {
             return Err(SparseError::GroupNumber { column, group: self.of[column], columns });
@@ -46,7 +46,7 @@ impl Groups {
         }
         let (count, expected) = (self.weights.len(), self.len());
         if count < expected {
-            return Err(SparseError::Length { what: "the list of the groups' weights", found: count, expected });
+            return Err(SparseError::Length { what: "the list of the groups' weights", actual: count, expected });
         }
         match self.weights.iter().position(|weight| !(*weight >= 0.0 && weight.is_finite())) {
             Some(group) => Err(SparseError::GroupWeight { group, value: self.weights[group] }),

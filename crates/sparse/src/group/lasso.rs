@@ -99,7 +99,7 @@ impl Posed {
     pub(super) fn scaled(&self, problem: &Quadratic, raw: &[f64], what: &'static str) -> Result<Vec<f64>, SparseError> {
         let (count, expected) = (raw.len(), problem.columns());
         if count != expected {
-            return Err(SparseError::Length { what, found: count, expected });
+            return Err(SparseError::Length { what, actual: count, expected });
         }
         if let Some(column) = raw.iter().position(|value| !value.is_finite()) {
             return Err(SparseError::ColumnNotFinite { column });

@@ -34,7 +34,7 @@ pub fn bootstrap_intervals(
 ) -> Result<Vec<BootstrapInterval>, InferenceError> {
     let (b, p) = replicates.shape();
     if estimate.len() != p {
-        return Err(SparseError::Length { what: "the estimate", found: estimate.len(), expected: p }.into());
+        return Err(SparseError::Length { what: "the estimate", actual: estimate.len(), expected: p }.into());
     }
     if b < 2 {
         return Err(InferenceError::TooFewReplicates { replicates: b });

@@ -59,7 +59,7 @@ pub fn clustered_covariance(
 ) -> Result<Covariance, InferenceError> {
     let p = structure.coefficients();
     if theta.len() != p {
-        return Err(SparseError::Length { what: "theta", found: theta.len(), expected: p }.into());
+        return Err(SparseError::Length { what: "theta", actual: theta.len(), expected: p }.into());
     }
     if let Some(column) = theta.iter().position(|value| !value.is_finite()) {
         return Err(InferenceError::NotFinite { column });

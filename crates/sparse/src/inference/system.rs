@@ -35,7 +35,7 @@ pub fn system_errors(
         ("the list of supports", supports.len(), q),
     ] {
         if length != expected {
-            return Err(SparseError::Length { what, found: length, expected }.into());
+            return Err(SparseError::Length { what, actual: length, expected }.into());
         }
     }
     if let Some(column) = (0..p).find(|&j| (0..q).any(|t| !coefficients[(j, t)].is_finite())) {

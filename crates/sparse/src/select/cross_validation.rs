@@ -120,7 +120,7 @@ pub(super) fn fold_roots(
 ) -> Result<Vec<Vec<SquareRoot>>, SelectError> {
     let (members, k) = (banks.keys().len(), folds.len());
     if folds.members() != members {
-        return Err(SelectError::Members { what: "the folds", found: folds.members(), expected: members });
+        return Err(SelectError::Members { what: "the folds", actual: folds.members(), expected: members });
     }
     let weights = Mat::from_fn(members, 2 * k + 1, |m, column| match column {
         fold if fold < k => folds.train()[(m, fold)],
@@ -216,7 +216,7 @@ fn check(full: &Quadratic, splits: &[Split], options: &SelectOptions) -> Result<
     for (fold, split) in splits.iter().enumerate() {
         for columns in [split.train.columns(), split.test.coefficients()] {
             if columns != full.columns() {
-                return Err(SparseError::OtherProblem { found: columns, expected: full.columns() }.into());
+                return Err(SparseError::OtherProblem { actual: columns, expected: full.columns() }.into());
             }
         }
         if split.test.weight().is_nan() || split.test.weight() <= 0.0 {

@@ -14,12 +14,12 @@ use fleetfoot_sums::structured::{Banks, Structure};
 pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Result<f64, SelectError> {
     let (p, count) = (structure.coefficients(), theta.len());
     if count != p {
-        return Err(SparseError::Length { what: "the coefficients", found: count, expected: p }.into());
+        return Err(SparseError::Length { what: "the coefficients", actual: count, expected: p }.into());
     }
     let (tasks, count) = (structure.tasks.len(), banks.tasks().len());
     if count != tasks {
         return Err(
-            SparseError::Length { what: "the list of the tasks' statistics", found: count, expected: tasks }.into()
+            SparseError::Length { what: "the list of the tasks' statistics", actual: count, expected: tasks }.into()
         );
     }
     let mut least: Option<f64> = None;
@@ -31,7 +31,7 @@ pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Re
         let coefficients: Vec<f64> = structure.columns(task).into_iter().map(|j| theta[j]).collect();
         if preconditioner.dimension() != coefficients.len() + 1 {
             let (dimension, expected) = (preconditioner.dimension(), coefficients.len() + 1);
-            return Err(SparseError::Length { what: "a task's statistic", found: dimension, expected }.into());
+            return Err(SparseError::Length { what: "a task's statistic", actual: dimension, expected }.into());
         }
         // The residual is linear in the preconditioned row z: `(centre + z A) e`.
         let error: Vec<f64> = coefficients.iter().map(|theta| -theta).chain([1.0]).collect();

@@ -16,12 +16,12 @@ pub enum SelectError {
         count: usize,
     },
     /// Too little to make folds of.
-    #[error("{found} {what} cannot make {needed} folds: ask for fewer folds ({FOLDS}), or give more data")]
+    #[error("{count} {what} cannot make {needed} folds: ask for fewer folds ({FOLDS}), or give more data")]
     TooFew {
         /// Chunks, episodes or groups.
         what: &'static str,
         /// Number of units.
-        found: usize,
+        count: usize,
         /// Number of folds asked for.
         needed: usize,
     },
@@ -43,12 +43,12 @@ pub enum SelectError {
         side: &'static str,
     },
     /// Lists that must have one entry a member.
-    #[error("{what} has {found} members, {expected} are needed")]
+    #[error("{what} has {actual} members, {expected} are needed")]
     Members {
         /// The list.
         what: &'static str,
         /// Its length.
-        found: usize,
+        actual: usize,
         /// The length it must have.
         expected: usize,
     },

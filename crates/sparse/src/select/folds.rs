@@ -86,7 +86,7 @@ impl Folds {
         let groups: Vec<Option<G>> = keys.iter().map(group).collect();
         let distinct: Vec<&G> = groups.iter().flatten().collect::<BTreeSet<_>>().into_iter().collect();
         if distinct.len() < 2 {
-            return Err(SelectError::TooFew { what: "groups", found: distinct.len(), needed: 2 });
+            return Err(SelectError::TooFew { what: "groups", count: distinct.len(), needed: 2 });
         }
         let k = distinct.len();
         let held_out = |m: usize, fold: usize| groups[m].as_ref() == Some(distinct[fold]);
@@ -131,7 +131,7 @@ impl Folds {
         let chunks: Vec<((EpisodeId, u32), u64)> =
             lengths(keys, rows, |key| (key.episode, key.chunk)).into_iter().collect();
         if chunks.len() < 2 {
-            return Err(SelectError::TooFew { what: "chunks", found: chunks.len(), needed: 2 });
+            return Err(SelectError::TooFew { what: "chunks", count: chunks.len(), needed: 2 });
         }
         let drawn: Vec<BTreeSet<(EpisodeId, u32)>> = (0..repeats)
             .map(|repeat| {
@@ -155,7 +155,7 @@ impl Folds {
     pub fn new(train: Mat<f64>, test: Mat<f64>) -> Result<Self, SelectError> {
         if train.nrows() != test.nrows() {
             let (rows, expected) = (test.nrows(), train.nrows());
-            return Err(SelectError::Members { what: "the test weights", found: rows, expected });
+            return Err(SelectError::Members { what: "the test weights", actual: rows, expected });
         }
         if train.ncols() != test.ncols() || train.ncols() == 0 {
             return Err(SelectError::FoldCount { count: train.ncols().min(test.ncols()) });
@@ -238,7 +238,7 @@ fn check_rows(keys: &[Key], rows: &[u64]) -> Result<(), SelectError> {
     if keys.len() == rows.len() {
         Ok(())
     } else {
-        Err(SelectError::Members { what: "the list of rows", found: rows.len(), expected: keys.len() })
+        Err(SelectError::Members { what: "the list of rows", actual: rows.len(), expected: keys.len() })
     }
 }
 

@@ -49,7 +49,7 @@ impl HeldOut {
         let expected = structure.tasks.len();
         for (what, length) in [("the held-out statistics", roots.len()), ("the task weights", assembly.weights.len())] {
             if length != expected {
-                return Err(SparseError::Length { what, found: length, expected }.into());
+                return Err(SparseError::Length { what, actual: length, expected }.into());
             }
         }
         let measured = (0..expected).filter(|&task| !structure.tasks[task].prior);

@@ -131,7 +131,7 @@ pub(crate) fn penalty(structure: &Structure, assembly: &Assembly) -> Result<Pena
         ("the prior", tikhonov.map_or(p, |tikhonov| tikhonov.prior.len()), p),
     ] {
         if length != expected {
-            return Err(SparseError::Length { what, found: length, expected });
+            return Err(SparseError::Length { what, actual: length, expected });
         }
     }
     let weights = assembly.weights.iter().map(|&weight| ("a task weight", weight));
@@ -153,12 +153,12 @@ pub(crate) fn penalty(structure: &Structure, assembly: &Assembly) -> Result<Pena
 fn check(structure: &Structure, roots: &[SquareRoot]) -> Result<(), SparseError> {
     let (count, expected) = (roots.len(), structure.tasks.len());
     if count != expected {
-        return Err(SparseError::Length { what: "the list of the tasks' statistics", found: count, expected });
+        return Err(SparseError::Length { what: "the list of the tasks' statistics", actual: count, expected });
     }
     for (task, root) in roots.iter().enumerate() {
         let (regressors, expected) = (root.regressors(), structure.columns(task).len());
         if regressors != expected {
-            return Err(SparseError::Length { what: "a task's statistic", found: regressors, expected });
+            return Err(SparseError::Length { what: "a task's statistic", actual: regressors, expected });
         }
     }
     Ok(())

@@ -23,7 +23,7 @@ pub fn refit(
 ) -> Result<Vec<f64>, SparseError> {
     let p = structure.coefficients();
     if let Some(&column) = support.iter().find(|&&column| column >= p) {
-        return Err(SparseError::Length { what: "the regression", found: p, expected: column + 1 });
+        return Err(SparseError::Length { what: "the regression", actual: p, expected: column + 1 });
     }
     let assembled = assemble(structure, roots, assembly)?;
     let penalty = least_squares_penalty(&assembled.penalty, p, support);

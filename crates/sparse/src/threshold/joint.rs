@@ -216,7 +216,7 @@ fn check_number(problem: &Compressed, number: usize) -> Result<(), ThresholdErro
     if number == expected && number > 0 {
         return Ok(());
     }
-    Err(SparseError::Length { what: "the options of the targets", found: number, expected }.into())
+    Err(SparseError::Length { what: "the options of the targets", actual: number, expected }.into())
 }
 
 #[cfg(test)]

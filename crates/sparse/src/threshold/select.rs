@@ -126,7 +126,7 @@ pub(super) fn check_terms(terms: &[Terms], targets: usize) -> Result<(), Thresho
     if count == targets {
         return Ok(());
     }
-    Err(crate::SparseError::Length { what: "the list of the targets' terms", found: count, expected: targets }.into())
+    Err(crate::SparseError::Length { what: "the list of the targets' terms", actual: count, expected: targets }.into())
 }
 
 pub(super) fn same_shape(

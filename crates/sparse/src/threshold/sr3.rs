@@ -93,7 +93,7 @@ impl Sr3 {
         let lists = [("the factors of lambda", &self.factors), ("the first guess", &self.initial)];
         for (what, list) in lists.into_iter().filter_map(|(what, list)| list.as_ref().map(|list| (what, list))) {
             if list.len() != expected {
-                return Err(SparseError::Length { what, found: list.len(), expected }.into());
+                return Err(SparseError::Length { what, actual: list.len(), expected }.into());
             }
         }
         for &factor in self.factors.iter().flatten() {

@@ -57,7 +57,7 @@ impl Stlsq {
         match &self.initial {
             Some(initial) if initial.len() != columns => {
                 let (count, expected) = (initial.len(), columns);
-                Err(SparseError::Length { what: "the first guess", found: count, expected }.into())
+                Err(SparseError::Length { what: "the first guess", actual: count, expected }.into())
             }
             _ => Ok(()),
         }

@@ -37,7 +37,7 @@ impl Terms {
         if let Some(allowed) = self.allowed.as_ref().filter(|allowed| allowed.len() != columns) {
             let (count, expected) = (allowed.len(), columns);
             let what = "the list of allowed columns";
-            return Err(crate::SparseError::Length { what, found: count, expected }.into());
+            return Err(crate::SparseError::Length { what, actual: count, expected }.into());
         }
         let allowed = |j: usize| self.allowed.as_ref().is_none_or(|allowed| allowed[j]);
         let mut fixed = vec![false; columns];
@@ -53,7 +53,7 @@ impl Terms {
         let bounds = self.bounds.clone().unwrap_or_default();
         if !bounds.is_empty() && bounds.len() != columns {
             let (what, count) = ("the list of bounds", bounds.len());
-            return Err(crate::SparseError::Length { what, found: count, expected: columns }.into());
+            return Err(crate::SparseError::Length { what, actual: count, expected: columns }.into());
         }
         for (column, &[low, high]) in bounds.iter().enumerate() {
             // NaN bounds nothing and is never meant.

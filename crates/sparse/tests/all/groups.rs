@@ -457,7 +457,7 @@ fn the_lasso_of_many_tasks_is_a_group_a_column() {
         }
     }
     let [a, b] = [random(0, 20, 3), random(1, 21, 3)].map(|rows| rows.problem(Form::Root));
-    assert_eq!(Quadratic::stacked(&[a, b]), Err(SparseError::OtherRows { found: 21.0, expected: 20.0 }));
+    assert_eq!(Quadratic::stacked(&[a, b]), Err(SparseError::OtherRows { actual: 21.0, expected: 20.0 }));
     assert_eq!(Quadratic::stacked(&[]), Err(SparseError::NoRows));
 }
 
@@ -528,14 +528,14 @@ fn options_out_of_range_are_refused() {
     let plain = GroupLasso::new(Groups::new(vec![0, 0, 1, 1]));
     let what = "the list of the columns' groups";
     let short = GroupLasso::new(Groups::new(vec![0, 0, 1]));
-    assert_eq!(run(short), Err(SparseError::Length { what, found: 3, expected: 4 }));
+    assert_eq!(run(short), Err(SparseError::Length { what, actual: 3, expected: 4 }));
     let far = GroupLasso::new(Groups::new(vec![0, 0, 1, 9]));
     assert_eq!(run(far), Err(SparseError::GroupNumber { column: 3, group: 9, columns: 4 }));
     let weights =
         |weights: Vec<f64>| GroupLasso { groups: Groups { weights, ..plain.groups.clone() }, ..plain.clone() };
     assert_eq!(run(weights(vec![1.0, -1.0])), Err(SparseError::GroupWeight { group: 1, value: -1.0 }));
     let what = "the list of the groups' weights";
-    assert_eq!(run(weights(vec![1.0])), Err(SparseError::Length { what, found: 1, expected: 2 }));
+    assert_eq!(run(weights(vec![1.0])), Err(SparseError::Length { what, actual: 1, expected: 2 }));
     assert_eq!(run(GroupLasso { l1_ratio: 1.5, ..plain.clone() }), Err(SparseError::L1Ratio { value: 1.5 }));
     assert_eq!(run(GroupLasso { tolerance: 0.0, ..plain.clone() }), Err(SparseError::Tolerance { value: 0.0 }));
     // A group without weight is least squares on its columns.

@@ -217,7 +217,7 @@ fn bad_input_is_refused_with_its_reason() {
     let mut target = y.clone();
     target[0] = f64::INFINITY;
     assert_eq!(of(x, &target, None), Err(SparseError::TargetNotFinite));
-    assert_eq!(of(x, &y[1..], None), Err(SparseError::Length { what: "the target", found: 9, expected: 10 }));
+    assert_eq!(of(x, &y[1..], None), Err(SparseError::Length { what: "the target", actual: 9, expected: 10 }));
     assert_eq!(of(x, y, Some(&[0.0; 10])), Err(SparseError::NoRows));
     assert_eq!(of(&Mat::zeros(0, 3), &[], None), Err(SparseError::NoRows));
     let negative: Vec<f64> = (0..10).map(|i| if i == 2 { -1.0 } else { 1.0 }).collect();
@@ -247,7 +247,7 @@ fn bad_input_is_refused_with_its_reason() {
     let factors = Penalty { factors: vec![1.0, -1.0, 1.0], ..plain() };
     assert_eq!(path(factors, LarsOptions::default()), Err(SparseError::PenaltyFactor { column: 1, value: -1.0 }));
     let short = Penalty { factors: vec![1.0], ..plain() };
-    let length = SparseError::Length { what: "the penalty factors", found: 1, expected: 3 };
+    let length = SparseError::Length { what: "the penalty factors", actual: 1, expected: 3 };
     assert_eq!(path(short, LarsOptions::default()), Err(length));
     let options = LarsOptions { lambda_min: -1.0, ..LarsOptions::default() };
     assert_eq!(path(plain(), options), Err(SparseError::Strength { name: "lambda_min", value: -1.0 }));
