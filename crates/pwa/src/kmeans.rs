@@ -99,14 +99,14 @@ pub enum KMeansError {
     #[error("k-means needs at least one cluster")]
     NoClusters,
     /// Slices that do not fit together.
-    #[error("{expected} {what} expected, {found} found")]
+    #[error("{expected} {what} expected, {actual} found")]
     Shape {
         /// Name of the counted items.
         what: &'static str,
         /// Required number.
         expected: usize,
         /// Actual number.
-        found: usize,
+        actual: usize,
     },
     /// A column cannot be standardised.
     #[error(
@@ -236,7 +236,7 @@ fn check_start(points: &Points, centroids: &[f64], options: &KMeansOptions) -> R
     let expected = options.k * points.dimensions();
     if centroids.len() != expected {
         let count = centroids.len();
-        return Err(KMeansError::Shape { what: "coordinates of starting centroids", expected, found: count });
+        return Err(KMeansError::Shape { what: "coordinates of starting centroids", expected, actual: count });
     }
     check_centroids(centroids, points.dimensions())
 }
@@ -251,7 +251,7 @@ fn check_centroids(centroids: &[f64], dimensions: usize) -> Result<(), KMeansErr
     }
     if !centroids.len().is_multiple_of(dimensions) {
         let expected = centroids.len().next_multiple_of(dimensions);
-        return Err(KMeansError::Shape { what: "coordinates of centroids", expected, found: centroids.len() });
+        return Err(KMeansError::Shape { what: "coordinates of centroids", expected, actual: centroids.len() });
     }
     let fits = |value: &f64| value.abs() <= points::LARGEST;
     match centroids.iter().position(|value| !fits(value)) {

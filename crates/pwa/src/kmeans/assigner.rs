@@ -59,7 +59,7 @@ impl Assigner {
         let frame = Frame::new(self.dimensions, columns, centre, scale)?;
         let lengths = [Some(labels.len()), squared_distances.as_ref().map(|distances| distances.len())];
         if let Some(length) = lengths.into_iter().flatten().find(|length| *length != frame.rows) {
-            return Err(KMeansError::Shape { what: "places for results", expected: frame.rows, found: length });
+            return Err(KMeansError::Shape { what: "places for results", expected: frame.rows, actual: length });
         }
         let arch = fleetfoot_data::arch();
         let mut rows = vec![0.0; BATCH.min(frame.rows) * self.dimensions];

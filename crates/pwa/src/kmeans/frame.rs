@@ -24,12 +24,12 @@ impl<'a> Frame<'a> {
         }
         for (what, length) in [("columns", columns.len()), ("centres", centre.len()), ("scales", scale.len())] {
             if length != dimensions {
-                return Err(KMeansError::Shape { what, expected: dimensions, found: length });
+                return Err(KMeansError::Shape { what, expected: dimensions, actual: length });
             }
         }
         let rows = columns[0].len();
         if let Some(other) = columns.iter().find(|column| column.len() != rows) {
-            return Err(KMeansError::Shape { what: "rows in every column", expected: rows, found: other.len() });
+            return Err(KMeansError::Shape { what: "rows in every column", expected: rows, actual: other.len() });
         }
         let bad = |j: &usize| !(centre[*j].is_finite() && scale[*j].is_finite() && scale[*j] > 0.0);
         if let Some(column) = (0..dimensions).find(bad) {

@@ -79,7 +79,7 @@ impl Points {
             return Err(KMeansError::Shape {
                 what: "rows, as many as weights,",
                 expected: self.rows,
-                found: self.rows + 1,
+                actual: self.rows + 1,
             });
         }
         let frame = Frame::new(self.dimensions, columns, centre, scale)?;
@@ -133,7 +133,7 @@ impl Points {
     /// Another number of weights than of rows; a weight that is negative, not finite or beyond 1e30; no weight above zero.
     pub fn weigh(&mut self, weights: Vec<f64>) -> Result<(), KMeansError> {
         if weights.len() != self.rows {
-            return Err(KMeansError::Shape { what: "weights", expected: self.rows, found: weights.len() });
+            return Err(KMeansError::Shape { what: "weights", expected: self.rows, actual: weights.len() });
         }
         if let Some(row) = weights.iter().position(|weight| !(0.0..=LARGEST).contains(weight)) {
             return Err(KMeansError::Weight { row, value: weights[row] });

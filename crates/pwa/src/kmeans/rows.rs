@@ -153,7 +153,7 @@ pub fn assign_rows(
     let (n, d) = (rows.rows(), rows.dimensions());
     super::check_centroids(centroids, d)?;
     if let Some(weights) = weights.filter(|weights| weights.len() != n) {
-        return Err(KMeansError::Shape { what: "weights", expected: n, found: weights.len() });
+        return Err(KMeansError::Shape { what: "weights", expected: n, actual: weights.len() });
     }
     let units = Units::of_centroids(centroids, d);
     let assigner = Assigner::new(&units.standardise(centroids), d)?;
@@ -196,7 +196,7 @@ pub fn distances_to(
     super::check_centroids(centroids, d)?;
     let k = centroids.len() / d;
     if out.len() != rows.rows() * k {
-        return Err(KMeansError::Shape { what: "places for distances", expected: rows.rows() * k, found: out.len() });
+        return Err(KMeansError::Shape { what: "places for distances", expected: rows.rows() * k, actual: out.len() });
     }
     let places: Vec<Mutex<&mut [f64]>> = out.chunks_mut(BLOCK * k).map(Mutex::new).collect();
     blocks(rows, progress, |range, columns| {

@@ -74,7 +74,7 @@ pub fn starting_centroids(
     super::check(points, &KMeansOptions { k, ..KMeansOptions::default() })?;
     let (expected, count) = (plus_plus_draws(k), draws.len());
     if count != expected {
-        return Err(KMeansError::Shape { what: "uniform numbers", expected, found: count });
+        return Err(KMeansError::Shape { what: "uniform numbers", expected, actual: count });
     }
     let mut centroids = plus_plus::plus_plus(points, k, |draw| draws[draw], progress)?;
     while centroids.len() < k * points.dimensions() {

@@ -212,7 +212,7 @@ fn bad_requests_are_refused() {
     let points = points(&rows(0, 20, 2, 1));
     let run = |start, k, tolerance| kmeans(&points, start, &KMeansOptions { k, tolerance, max_iterations: 5 }, &Silent);
     assert!(matches!(run(Start::Centroids(&[0.0; 4]), 0, 0.0), Err(KMeansError::NoClusters)));
-    assert!(matches!(run(Start::Centroids(&[0.0; 5]), 2, 0.0), Err(KMeansError::Shape { expected: 4, found: 5, .. })));
+    assert!(matches!(run(Start::Centroids(&[0.0; 5]), 2, 0.0), Err(KMeansError::Shape { expected: 4, actual: 5, .. })));
     assert!(matches!(
         run(Start::Centroids(&[0.0, 1.0, f64::NAN, 0.0]), 2, 0.0),
         Err(KMeansError::Centroid { cluster: 1, column: 0, .. })
