@@ -252,7 +252,7 @@ impl<'a> Parser<'a> {
             Some(c) => format!("`{c}`"),
             None => "the end".to_owned(),
         };
-        self.error(self.at, ParseErrorKind::Expected { expected, found: character })
+        self.error(self.at, ParseErrorKind::Expected { expected, actual: character })
     }
 
     pub(crate) fn error(&self, position: usize, kind: ParseErrorKind) -> ParseError {

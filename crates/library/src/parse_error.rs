@@ -25,12 +25,12 @@ struct Detail {
 #[non_exhaustive]
 pub enum ParseErrorKind {
     /// Something else should stand here.
-    #[error("expected {expected}, found {found}")]
+    #[error("expected {expected}, found {actual}")]
     Expected {
         /// Syntax that is valid at this position.
         expected: &'static str,
         /// Text at this position.
-        found: String,
+        actual: String,
     },
     /// A name that is neither a column nor an alias.
     #[error("unknown column or alias `{name}`{}{}", did_you_mean(nearest), topic_hint(name))]
@@ -49,14 +49,14 @@ pub enum ParseErrorKind {
         nearest: Vec<String>,
     },
     /// The wrong number of arguments.
-    #[error("`{function}` takes {expected} argument(s), here it has {found}")]
+    #[error("`{function}` takes {expected} argument(s), here it has {actual}")]
     Arguments {
         /// The function.
         function: String,
         /// Number of arguments that the function takes.
         expected: usize,
         /// Number of arguments in the text.
-        found: usize,
+        actual: usize,
     },
     /// The constant of a filter that is not one.
     #[error("the second argument of `{function}` does not change with time: write it with numbers and parameters")]

@@ -41,7 +41,7 @@ impl Parser<'_> {
         let count = |expected: usize| ParseErrorKind::Arguments {
             function: function.to_owned(),
             expected,
-            found: arguments.len(),
+            actual: arguments.len(),
         };
         let kind = match (function, arguments.as_slice()) {
             ("time", []) => return Ok(Expr::time()),
@@ -190,7 +190,7 @@ impl Parser<'_> {
         let arguments = self.arguments()?;
         let count = arguments.len();
         arguments.try_into().map_err(|_| {
-            self.error(start, ParseErrorKind::Arguments { function: function.to_owned(), expected: N, found: count })
+            self.error(start, ParseErrorKind::Arguments { function: function.to_owned(), expected: N, actual: count })
         })
     }
 }
