@@ -50,13 +50,13 @@ pub enum FileError {
     },
     /// Another version of the format.
     #[error(
-        "{name}: model format {found}, this version reads format {FORMAT_VERSION}; use the fleetfoot that wrote it, or fit again"
+        "{name}: model format {version}, this version reads format {FORMAT_VERSION}; use the fleetfoot that wrote it, or fit again"
     )]
     Version {
         /// The file or other origin.
         name: String,
         /// The version in the file.
-        found: u32,
+        version: u32,
     },
     /// The content differs from its checksum.
     #[error("{name}: the content does not match its checksum: the file was damaged or edited; fit the model again")]
@@ -99,7 +99,7 @@ impl Model {
         let syntax = |source| FileError::Syntax { name: name.to_owned(), source };
         let head: Head = serde_json::from_str(text).map_err(syntax)?;
         if head.fleetfoot_model != FORMAT_VERSION {
-            return Err(FileError::Version { name: name.to_owned(), found: head.fleetfoot_model });
+            return Err(FileError::Version { name: name.to_owned(), version: head.fleetfoot_model });
         }
         let envelope: Envelope = serde_json::from_str(text).map_err(syntax)?;
         let canonical = serde_json::to_string(&envelope.model).map_err(syntax)?;
