@@ -347,12 +347,12 @@ pub(crate) fn resimulate<'py>(
     let followed =
         run(py, progress, |progress| fleetfoot::resimulate(&model.model, &changes, &data.logs, None, progress))?;
     let report = object(py, &followed.to_json())?;
-    let count = followed.found.episodes.len();
+    let count = followed.resimulation.episodes.len();
     Ok((report, (0..count).map(|at| followed_to_dict(py, &followed, at)).collect::<PyResult<_>>()?))
 }
 
 fn followed_to_dict<'py>(py: Python<'py>, followed: &Followed, at: usize) -> PyResult<Bound<'py, PyDict>> {
-    let (episode, resimulation) = (&followed.found.episodes[at], &followed.found);
+    let (episode, resimulation) = (&followed.resimulation.episodes[at], &followed.resimulation);
     let (rows, width, states) = (episode.rows.len(), resimulation.columns.len(), resimulation.states);
     let part = |values: &[f64], from: usize, to: usize| {
         array(py, values.chunks_exact(width).flat_map(|row| row[from..to].to_vec()).collect(), &[rows, to - from])

@@ -21,7 +21,7 @@ use crate::{on_files::is_needed, output};
 #[non_exhaustive]
 pub struct Followed {
     /// Result of the resimulation.
-    pub found: Resimulation,
+    pub resimulation: Resimulation,
     /// Units of the columns, where they are known.
     pub units: Vec<Option<String>>,
     /// Names of the episodes that were followed.
@@ -65,18 +65,18 @@ impl Spread {
 impl Followed {
     /// Root mean square of followed less recorded, over the episodes, of a column.
     pub fn followed(&self, column: usize) -> Spread {
-        Spread::of(self.found.episodes.iter().map(|episode| self.found.deviations_of(episode)[column]))
+        Spread::of(self.resimulation.episodes.iter().map(|episode| self.resimulation.deviations_of(episode)[column]))
     }
 
     /// The same of the open loop; `None` for an input.
     pub fn open_loop(&self, column: usize) -> Option<Spread> {
-        let of = |resimulated: &Resimulated| self.found.open_loop_deviations(resimulated)[column];
-        (column < self.found.states).then(|| Spread::of(self.found.episodes.iter().map(of)))
+        let of = |resimulated: &Resimulated| self.resimulation.open_loop_deviations(resimulated)[column];
+        (column < self.resimulation.states).then(|| Spread::of(self.resimulation.episodes.iter().map(of)))
     }
 
     /// The worst of the certificates: of the dynamics, of the bounds, stationarity.
     pub fn worst(&self) -> [f64; 3] {
-        let worst = |of: fn(&Resimulated) -> f64| self.found.episodes.iter().map(of).fold(0.0, f64::max);
+        let worst = |of: fn(&Resimulated) -> f64| self.resimulation.episodes.iter().map(of).fold(0.0, f64::max);
         [
             worst(|episode| episode.certificate.dynamics),
             worst(|episode| episode.certificate.bounds),
@@ -86,13 +86,13 @@ impl Followed {
 
     /// Episodes that ended at a minimum.
     pub fn minima(&self) -> usize {
-        self.found.episodes.iter().filter(|episode| episode.ending == Ending::Minimum).count()
+        self.resimulation.episodes.iter().filter(|episode| episode.ending == Ending::Minimum).count()
     }
 
     /// Warnings for the user, in sentences.
     pub fn warnings(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        for (episode, name) in self.found.episodes.iter().zip(&self.names) {
+        for (episode, name) in self.resimulation.episodes.iter().zip(&self.names) {
             let certificate = &episode.certificate;
             if episode.ending != Ending::Minimum {
                 notes.push(format!(
@@ -153,7 +153,7 @@ pub fn resimulate(
         left_out: resimulation.missing.iter().chain(&resimulation.undefined).map(|&episode| name(episode)).collect(),
         in_sample: dataset.in_sample(model),
         notes,
-        found: resimulation,
+        resimulation,
     };
     if let (Some(path), Some(kind)) = (output, kind) {
         writer::write_followed(kind, path, model, &|episode| dataset.log_offset(episode), &followed, &logs)?;

@@ -31,7 +31,7 @@ pub(crate) fn resimulate(arguments: &Resimulate, context: &Context) -> Result<()
 }
 
 fn to_text(followed: &Followed, episodes: bool) -> String {
-    let resimulation = &followed.found;
+    let resimulation = &followed.resimulation;
     let rows: usize = resimulation.episodes.iter().map(|episode| episode.rows.len()).sum();
     let moved = &resimulation.columns[resimulation.states..];
     let [dynamics, bounds, stationarity] = followed.worst();
@@ -87,7 +87,7 @@ fn to_text(followed: &Followed, episodes: bool) -> String {
 
 /// A line an episode: of every state followed and open loop, of every input followed.
 fn by_episode(followed: &Followed) -> String {
-    let resimulation = &followed.found;
+    let resimulation = &followed.resimulation;
     let mut header = vec!["episode".to_owned(), "rows".into(), "programs".into(), "ended".into()];
     for (j, name) in resimulation.columns.iter().enumerate() {
         header.push(name.clone());

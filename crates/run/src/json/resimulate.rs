@@ -12,7 +12,7 @@ use crate::{Followed, resimulate::Spread};
 impl Followed {
     /// Deviations, certificates and settings; trajectories are not among them.
     pub fn to_json(&self) -> Value {
-        let resimulation = &self.found;
+        let resimulation = &self.resimulation;
         let [dynamics, bounds, stationarity] = self.worst();
         report(Content {
             rule: if resimulation.continuous { "hermite-simpson" } else { "next-row" },
@@ -74,7 +74,7 @@ struct Column<'a> {
 
 impl<'a> Column<'a> {
     fn new(all: &'a Followed, at: usize) -> Self {
-        let resimulation = &all.found;
+        let resimulation = &all.resimulation;
         Self {
             name: &resimulation.columns[at],
             unit: all.units[at].as_deref(),
@@ -103,7 +103,7 @@ struct Episode<'a> {
 
 impl<'a> Episode<'a> {
     fn new(all: &'a Followed, resimulated: &Resimulated, name: &'a str) -> Self {
-        let resimulation = &all.found;
+        let resimulation = &all.resimulation;
         let by_column = |values: Vec<f64>| resimulation.columns.iter().map(String::as_str).zip(values).collect();
         let certificate = &resimulated.certificate;
         Self {

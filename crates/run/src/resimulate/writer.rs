@@ -36,7 +36,7 @@ fn column(values: &[f64], width: usize, at: usize) -> Vec<f64> {
 }
 
 fn write_table(path: &Path, model: &Model, followed: &Followed, logs: &Logs) -> Result<(), Error> {
-    let resimulation = &followed.found;
+    let resimulation = &followed.resimulation;
     let mut columns = vec![
         WriteColumn::new("episode", WriteKind::Text),
         WriteColumn::new("time", WriteKind::Stamp),
@@ -76,7 +76,7 @@ fn write_messages(
     followed: &Followed,
     logs: &Logs,
 ) -> Result<(), Error> {
-    let resimulation = &followed.found;
+    let resimulation = &followed.resimulation;
     let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
     let states = &resimulation.columns[..resimulation.states];
     let measured = overlay.joint_state(TOPICS[0], &resimulation.columns, "")?;
