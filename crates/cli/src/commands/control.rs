@@ -25,7 +25,7 @@ pub(crate) fn lqr(arguments: &ControlLqr, context: &Context) -> Result<(), Error
     let made = control_lqr(&model, &arguments.control.clone().over(below.control))?;
     made.write(&arguments.output)?;
     context.notes(&made.notes);
-    context.print(made.told(), || to_text(&made));
+    context.print(made.to_value(), || to_text(&made));
     context.say(format!("wrote {}", arguments.output.display()));
     Ok(())
 }

@@ -35,6 +35,6 @@ fn controller(made: &ControllerFile, arguments: &Show, context: &Context) -> Res
         )));
     }
     context.notes(&made.notes);
-    context.print(made.told(), || control::describe(made, arguments.regions));
+    context.print(made.to_value(), || control::describe(made, arguments.regions));
     Ok(())
 }

@@ -7,7 +7,7 @@ use crate::ControllerFile;
 
 impl ControllerFile {
     /// The controller for programs: the content of its file, without the checksum.
-    pub fn told(&self) -> Value {
+    pub fn to_value(&self) -> Value {
         report(self)
     }
 }
