@@ -122,15 +122,15 @@ mod tests {
         columns
     }
 
-    fn found(columns: &[Vec<Vec<f64>>]) -> Vec<usize> {
+    fn drivers_of(columns: &[Vec<Vec<f64>>]) -> Vec<usize> {
         drivers(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>())
     }
 
     #[test]
     fn a_force_that_nothing_drives_is_an_input_and_no_state_is() {
-        assert_eq!(found(&spring(0.0)), [2]);
-        assert_eq!(found(&spring(8.0)), [] as [usize; 0], "a controller's force follows from the speed");
-        assert_eq!(found(&spring(0.0)[..2]), [] as [usize; 0], "position and speed drive each other");
-        assert_eq!(found(&spring(0.0)[..1]), [] as [usize; 0]);
+        assert_eq!(drivers_of(&spring(0.0)), [2]);
+        assert_eq!(drivers_of(&spring(8.0)), [] as [usize; 0], "a controller's force follows from the speed");
+        assert_eq!(drivers_of(&spring(0.0)[..2]), [] as [usize; 0], "position and speed drive each other");
+        assert_eq!(drivers_of(&spring(0.0)[..1]), [] as [usize; 0]);
     }
 }
