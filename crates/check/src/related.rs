@@ -353,26 +353,27 @@ mod tests {
         [place, tones.iter().map(|(size, pace)| size * pace * (pace * t).cos()).sum()]
     }
 
-    fn found(names: [&str; 2], of: impl Fn(usize) -> [f64; 2]) -> Vec<(Fault, f64)> {
+    fn faults(names: [&str; 2], of: impl Fn(usize) -> [f64; 2]) -> Vec<(Fault, f64)> {
         let rows: Vec<[f64; 2]> = (0..4000).map(of).collect();
         let columns = (0..2).map(|at| rows.iter().map(|row| row[at]).collect()).collect();
         let time = (0..rows.len()).map(|row| STEP * row as f64).collect();
         let sample = Sample { stretches: vec![Stretch { time, columns }] };
         let channels =
             names.map(|name| Channel { column: Column::float(name), place: 0, part: Part::State, angle: false });
-        let found = compare(&channels, &sample, 0, 1).and_then(|found| of_rate(&channels, &sample, (0, 1), found));
-        found.iter().map(|finding| (finding.fault, finding.value)).collect()
+        let findings =
+            compare(&channels, &sample, 0, 1).and_then(|findings| of_rate(&channels, &sample, (0, 1), findings));
+        findings.iter().map(|finding| (finding.fault, finding.value)).collect()
     }
 
     #[test]
     fn delays_units_and_signs_are_found_and_sound_logs_pass() {
         let names = ["yaw", "yaw_rate"];
-        assert_eq!(found(names, |row| moving(row as f64)), []);
-        let late = found(names, |row| [moving(row as f64)[0], moving(row as f64 - 2.0)[1]]);
+        assert_eq!(faults(names, |row| moving(row as f64)), []);
+        let late = faults(names, |row| [moving(row as f64)[0], moving(row as f64 - 2.0)[1]]);
         assert!(late.len() == 1 && late[0].0 == Fault::Delay && (late[0].1 - 0.02).abs() < 1e-9, "{late:?}");
-        let degrees = found(names, |row| [moving(row as f64)[0], moving(row as f64)[1] * 180.0 / PI]);
+        let degrees = faults(names, |row| [moving(row as f64)[0], moving(row as f64)[1] * 180.0 / PI]);
         assert!(degrees.len() == 1 && degrees[0].0 == Fault::Unit && (degrees[0].1 - 57.3).abs() < 0.1, "{degrees:?}");
-        let turned = found(names, |row| [moving(row as f64)[0], -moving(row as f64)[1]]);
+        let turned = faults(names, |row| [moving(row as f64)[0], -moving(row as f64)[1]]);
         assert!(turned.len() == 1 && turned[0].0 == Fault::Sign, "{turned:?}");
     }
 }
