@@ -134,18 +134,19 @@ fn the_command_line_is_sound_and_each_command_says_what_it_does() {
 /// Every setting that messages name is a flag, which may stand without a value where the message shows it so.
 #[test]
 fn settings_in_messages_are_flags() {
-    fn flags(command: &clap::Command, found: &mut Vec<(String, bool)>) {
+    fn flags(command: &clap::Command, known: &mut Vec<(String, bool)>) {
         let bare = |argument: &clap::Arg| argument.get_num_args().is_none_or(|count| count.min_values() == 0);
-        let own = command.get_arguments().filter_map(|own| Some((own.get_long()?.to_owned(), bare(own))));
-        found.extend(own);
-        command.get_subcommands().for_each(|sub| flags(sub, found));
+        let named =
+            command.get_arguments().filter_map(|argument| Some((argument.get_long()?.to_owned(), bare(argument))));
+        known.extend(named);
+        command.get_subcommands().for_each(|sub| flags(sub, known));
     }
     let mut command = Cli::command();
     command.build();
-    let mut found = Vec::new();
-    flags(&command, &mut found);
+    let mut known = Vec::new();
+    flags(&command, &mut known);
     for setting in setting::SETTINGS {
         let flag = (setting.name.replace('_', "-"), setting.kind != setting::Kind::Value);
-        assert!(found.contains(&flag), "no command has --{}, where bare is {}", flag.0, flag.1);
+        assert!(known.contains(&flag), "no command has --{}, where bare is {}", flag.0, flag.1);
     }
 }

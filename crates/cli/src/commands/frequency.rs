@@ -48,13 +48,13 @@ pub(crate) fn run(arguments: &Frequency, context: &Context) -> Result<(), Error>
     let mut options = FrequencyOptions::new(arguments.input.clone(), arguments.output.clone());
     (options.segment, options.period, options.skip) = (arguments.segment, arguments.period, arguments.skip);
     let bar = context.bar();
-    let found = frequency(model.as_ref(), &recipe, &data, &options, &bar);
+    let frequencies = frequency(model.as_ref(), &recipe, &data, &options, &bar);
     bar.finish();
-    let found = found?;
-    context.notes(&found.notes);
-    in_sample(context, &found.in_sample, found.episodes);
-    context.print(found.to_json(), || to_text(&found));
-    let page = bode(&found);
+    let frequencies = frequencies?;
+    context.notes(&frequencies.notes);
+    in_sample(context, &frequencies.in_sample, frequencies.episodes);
+    context.print(frequencies.to_json(), || to_text(&frequencies));
+    let page = bode(&frequencies);
     if let Some(path) = &arguments.page {
         page.write(path, &inputs)?;
         context.say(format!("wrote {}", path.display()));
@@ -66,55 +66,56 @@ pub(crate) fn run(arguments: &Frequency, context: &Context) -> Result<(), Error>
     Ok(())
 }
 
-fn to_text(found: &Frequencies) -> String {
-    let what = if found.options.period.is_some() { "periods" } else { "segments" };
+fn to_text(frequencies: &Frequencies) -> String {
+    let what = if frequencies.options.period.is_some() { "periods" } else { "segments" };
     let mut text = format!(
         "{} over {}: {} {what} of {} samples ({} s), {} left out for missing values\n",
-        found.options.output,
-        found.options.input,
-        found.measured.parts,
-        found.length,
-        number(found.length as f64 * found.step),
-        found.measured.lost
+        frequencies.options.output,
+        frequencies.options.input,
+        frequencies.measured.parts,
+        frequencies.length,
+        number(frequencies.length as f64 * frequencies.step),
+        frequencies.measured.lost
     );
     let mut header = vec!["Hz", "gain", "95 % from", "to", "phase", "±", "coherence"];
-    if found.model.is_some() {
+    if frequencies.model.is_some() {
         header.extend(["model gain", "model phase"]);
     }
     let degrees = |value: f64| if value.is_finite() { format!("{:.1}°", value.to_degrees()) } else { "-".to_owned() };
     let row = |at: usize| {
-        let own: &FrequencyLine = &found.measured.lines[at];
+        let line: &FrequencyLine = &frequencies.measured.lines[at];
         let end = |value: f64| if value.is_finite() { number(value.max(0.0)) } else { "-".to_owned() };
         let mut row = vec![
-            number(own.frequency),
-            number(own.gain()),
-            end(own.gain() - own.radius),
-            end(own.gain() + own.radius),
-            degrees(own.phase()),
-            degrees(own.phase_error()),
-            ratio(own.coherence),
+            number(line.frequency),
+            number(line.gain()),
+            end(line.gain() - line.radius),
+            end(line.gain() + line.radius),
+            degrees(line.phase()),
+            degrees(line.phase_error()),
+            ratio(line.coherence),
         ];
-        if let Some(model) = &found.model {
+        if let Some(model) = &frequencies.model {
             row.extend([number(model.lines[at].gain()), degrees(model.lines[at].phase())]);
         }
         row
     };
-    text.push_str(&table(&header, thinned(&found.measured, ROWS).into_iter().map(row).collect()));
-    if let Some(inside) = found.inside() {
+    text.push_str(&table(&header, thinned(&frequencies.measured, ROWS).into_iter().map(row).collect()));
+    if let Some(inside) = frequencies.inside() {
         text.push_str(&format!(
             "\nthe model lies within the interval at {:.1} % of the excited frequencies",
             100.0 * inside
         ));
     }
-    if let Some(own) = &found.measured.distortion {
+    if let Some(distortion) = &frequencies.measured.distortion {
         let level = |value: Option<f64>| {
-            value.map_or_else(|| "unknown".to_owned(), |value| format!("{:.1} dB", decibels(value / own.excited)))
+            value
+                .map_or_else(|| "unknown".to_owned(), |value| format!("{:.1} dB", decibels(value / distortion.excited)))
         };
         text.push_str(&format!(
             "\noutput beside the excited frequencies, relative to that at them: odd multiples {}, even multiples {}, noise {}",
-            level(own.odd),
-            level(own.even),
-            level(own.noise)
+            level(distortion.odd),
+            level(distortion.even),
+            level(distortion.noise)
         ));
     }
     text

@@ -137,13 +137,13 @@ fn summaries(horizon: &Horizon, position: &str) -> String {
         rows.push(row(format!("time warping of {position}"), &|score| Some(score.path.as_ref()?.warping_distance)));
     }
     let pair = horizon.beside_reference.as_ref().map(|pair| {
-        let told = |e: &Estimate| ratio(e.value) + &half(e);
+        let text = |e: &Estimate| ratio(e.value) + &half(e);
         format!(
             "\nmodel beside reference: displacement of {position} {}, alignment {}, propagated error {}, time warping {}",
-            told(&pair.displacement.average),
-            told(&pair.path.average_alignment),
-            told(&pair.path.propagated_error),
-            told(&pair.path.warping_distance)
+            text(&pair.displacement.average),
+            text(&pair.path.average_alignment),
+            text(&pair.path.propagated_error),
+            text(&pair.path.warping_distance)
         )
     });
     table(&header, rows) + &pair.unwrap_or_default()
