@@ -293,8 +293,12 @@ impl HorizonScorer {
             |i, j| training.state_covariance[packed(order(i), order(j))],
             |s| training.state_mean.get(order(s)).copied().unwrap_or_else(|| geometry.neutral(s)),
         );
-        let scored: Vec<Range<usize>> =
-            components.iter().zip(parts(&components)).filter(|(own, _)| counts(own)).map(|(_, span)| span).collect();
+        let scored: Vec<Range<usize>> = components
+            .iter()
+            .zip(parts(&components))
+            .filter(|(component, _)| counts(component))
+            .map(|(_, span)| span)
+            .collect();
         let position: Vec<usize> = options.position.iter().map(place).collect::<Result<_, _>>()?;
         let state = |&component: &usize| match components[component] {
             Component::State(state) => Some(state),
@@ -304,15 +308,15 @@ impl HorizonScorer {
             Component::State(state) => matches!(geometry.shapes[state], Shape::Circle),
             Component::Group(_) => true,
         };
-        let mean = |own: &crate::state::State| {
-            own.order.and_then(|order| training.state_mean.get(order)).copied().filter(|mean| mean.is_finite())
+        let mean = |shown_state: &crate::state::State| {
+            shown_state.order.and_then(|order| training.state_mean.get(order)).copied().filter(|mean| mean.is_finite())
         };
         Ok(Self {
             horizon,
             place: position.iter().filter_map(state).collect(),
             position,
             turned: (0..components.len()).filter(is_turned).collect(),
-            mean: shown.iter().map(|own| mean(own).unwrap_or_default()).collect(),
+            mean: shown.iter().map(|shown_state| mean(shown_state).unwrap_or_default()).collect(),
             interval: options.interval.max(1),
             band: options.band.unwrap_or_else(|| horizon.div_ceil(10)),
             references,
@@ -380,7 +384,7 @@ impl HorizonScorer {
         let mut size = vec![0.0; self.components.len()];
         let mut vector = Vec::with_capacity(error.len());
         let mut scratch = vec![0.0; self.metric.width()];
-        let reference = self.references.as_ref().map(|own| own.paths(window, time, &measured));
+        let reference = self.references.as_ref().map(|references| references.paths(window, time, &measured));
         let beside: Vec<&[f64]> = reference.iter().flatten().map(Vec::as_slice).collect();
         let mut paths = vec![Vec::new(); PREDICTORS];
         let mut distances = vec![Vec::new(); PREDICTORS];
@@ -425,7 +429,8 @@ impl HorizonScorer {
                         series[PREDICTORS + predictor].push((time[k], distance));
                     }
                 }
-                let cosines = || self.turned.iter().map(|&own| size[own].cos()).filter(|cosine| cosine.is_finite());
+                let cosines =
+                    || self.turned.iter().map(|&component| size[component].cos()).filter(|cosine| cosine.is_finite());
                 if cosines().next().is_some() {
                     let mean = cosines().sum::<f64>() / cosines().count() as f64;
                     sums.push(episode, self.orientation() + predictor, k - 1, mean);
@@ -467,7 +472,7 @@ impl HorizonScorer {
             }
             path
         };
-        let own = unwrapped(&|k, i| path[(k - 1) * width + i]);
+        let predicted = unwrapped(&|k, i| path[(k - 1) * width + i]);
         let other = unwrapped(&|k, i| recorded[self.place[i]][k + 1]);
         let row = 2 * PREDICTORS + predictor;
         let increment = |path: &[f64], k: usize| -> Vec<f64> {
@@ -475,7 +480,7 @@ impl HorizonScorer {
         };
         let (mut sum, mut count) = (0.0, 0.0);
         for k in 1..=self.horizon {
-            if let Some(cosine) = alignment(&increment(&own, k), &increment(&other, k)) {
+            if let Some(cosine) = alignment(&increment(&predicted, k), &increment(&other, k)) {
                 sums.push(episode, row, k - 1, cosine);
                 (sum, count) = (sum + cosine, count + 1.0);
             }
@@ -487,7 +492,7 @@ impl HorizonScorer {
         };
         push(AVERAGE, (count > 0.0).then(|| sum / count));
         push(GROWTH, propagated_error(distances, self.interval));
-        push(WARPING, warping_distance(&own, &other, width, self.band));
+        push(WARPING, warping_distance(&predicted, &other, width, self.band));
     }
 
     /// Adds errors and measurements to the sums behind the explained variance.
@@ -584,7 +589,7 @@ impl HorizonScorer {
         };
         let pair = PREDICTORS + PAIR;
         let beside_reference =
-            sums.scores.get(pair).filter(|own| self.path_kinds() > 0 && own[0][2] > 0.0).map(|_| ReferencePair {
+            sums.scores.get(pair).filter(|scores| self.path_kinds() > 0 && scores[0][2] > 0.0).map(|_| ReferencePair {
                 displacement: sums.summary(pair, self.horizon),
                 path: sums.path(pair + PREDICTORS, self.horizon),
             });
@@ -601,7 +606,7 @@ impl HorizonScorer {
             useful: useful_horizon(&time, &model, &baselines),
             better: baselines
                 .iter()
-                .filter(|(_, score)| score.mahalanobis.iter().any(|own| own.value.is_finite()))
+                .filter(|(_, score)| score.mahalanobis.iter().any(|estimate| estimate.value.is_finite()))
                 .map(|(baseline, score)| {
                     (*baseline, spans(&time, |k| beats(&model, k, Some((*baseline, score.mahalanobis[k].value)))))
                 })
@@ -729,14 +734,14 @@ impl HorizonSums {
     /// Explained variance of a state over all steps. Its derivatives by the means are 0, so that the interval is that
     /// of a ratio of sums.
     fn explained(&self, predictor: usize, state: usize) -> Estimate {
-        let own = || self.spreads.iter().map(|spreads| &spreads[predictor * self.states + state]);
+        let by_episode = || self.spreads.iter().map(|spreads| &spreads[predictor * self.states + state]);
         let mut all = Spread::default();
-        own().for_each(|spread| all.merge(spread));
+        by_episode().for_each(|spread| all.merge(spread));
         let value = all.explained();
         if self.episodes.len() < 2 || value.is_nan() {
             return Estimate { value, low: f64::NAN, high: f64::NAN };
         }
-        let share = Estimate::of_ratio(own().map(|spread| spread.about(&all)));
+        let share = Estimate::of_ratio(by_episode().map(|spread| spread.about(&all)));
         let [low, high] = [1.0 - share.high, 1.0 - share.low].map(rounded);
         Estimate { value, low, high }
     }
