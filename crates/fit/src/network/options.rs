@@ -59,8 +59,8 @@ impl NetworkOptions {
             Effort::High => &[&[8], &[16], &[32], &[64], &[32, 32], &[64, 64]],
         };
         match &self.hidden {
-            Some(own) => vec![own.clone()],
-            None => tried.iter().map(|own| own.to_vec()).collect(),
+            Some(hidden) => vec![hidden.clone()],
+            None => tried.iter().map(|layers| layers.to_vec()).collect(),
         }
     }
 
