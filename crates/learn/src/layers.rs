@@ -24,23 +24,23 @@ impl Layers {
 
     /// The values of the last layer's units, column after column.
     pub(crate) fn features(&self) -> &[f64] {
-        self.values.last().map_or(&[], |own| own)
+        self.values.last().map_or(&[], |values| values)
     }
 
     /// Values of all units from the inputs of a tile.
     pub(crate) fn forward(&mut self, parameters: &[f64], inputs: &[f64]) {
         for (at, layer) in self.layers.iter().enumerate() {
-            let (before, own) = self.values.split_at_mut(at);
-            let (inputs, own) = (before.last().map_or(inputs, |own| own), &mut own[0]);
-            for (column, constant) in own.chunks_exact_mut(TILE).zip(&parameters[layer.constants.clone()]) {
+            let (before, rest) = self.values.split_at_mut(at);
+            let (inputs, values) = (before.last().map_or(inputs, |values| values), &mut rest[0]);
+            for (column, constant) in values.chunks_exact_mut(TILE).zip(&parameters[layer.constants.clone()]) {
                 column.fill(*constant);
             }
             let weights =
                 MatRef::from_column_major_slice(&parameters[layer.weights.clone()], layer.inputs, layer.units);
             let inputs = MatRef::from_column_major_slice(inputs, TILE, layer.inputs);
-            let sums = MatMut::from_column_major_slice_mut(own, TILE, layer.units);
+            let sums = MatMut::from_column_major_slice_mut(values, TILE, layer.units);
             matmul(sums, Accum::Add, inputs, weights, 1.0, Par::Seq);
-            self.shape.activation.apply(own);
+            self.shape.activation.apply(values);
         }
     }
 

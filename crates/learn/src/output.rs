@@ -89,8 +89,8 @@ impl Statistic {
         let gram = self.sums.as_ref().submatrix(0, 0, width, width);
         let product = gram * &output.0;
         let of = |t: usize| {
-            let own = (0..width).map(|k| output.0[(k, t)] * (product[(k, t)] - 2.0 * self.sums[(k, width + t)]));
-            ((self.sums[(width + t, width + t)] + own.sum::<f64>()) / self.rows as f64).max(0.0)
+            let terms = (0..width).map(|k| output.0[(k, t)] * (product[(k, t)] - 2.0 * self.sums[(k, width + t)]));
+            ((self.sums[(width + t, width + t)] + terms.sum::<f64>()) / self.rows as f64).max(0.0)
         };
         (0..self.targets).map(of).collect()
     }

@@ -116,16 +116,16 @@ pub fn slope(
             }
             let own_x = MatRef::from_column_major_slice(x, TILE, inputs);
             let own_h = MatRef::from_column_major_slice(layers.features(), TILE, features);
-            let mut own = MatMut::from_column_major_slice_mut(&mut errors, TILE, targets);
-            matmul(own.as_mut(), Accum::Add, own_x, output.subrows(1, inputs), 1.0, Par::Seq);
-            matmul(own.as_mut(), Accum::Add, own_h, weights, 1.0, Par::Seq);
+            let mut residuals = MatMut::from_column_major_slice_mut(&mut errors, TILE, targets);
+            matmul(residuals.as_mut(), Accum::Add, own_x, output.subrows(1, inputs), 1.0, Par::Seq);
+            matmul(residuals.as_mut(), Accum::Add, own_h, weights, 1.0, Par::Seq);
             errors.chunks_exact_mut(TILE).for_each(|column| column[rows..].fill(0.0));
             sum.loss += 0.5 * errors.iter().map(|error| error * error).sum::<f64>();
-            let own = MatRef::from_column_major_slice(&errors, TILE, targets);
+            let residuals = MatRef::from_column_major_slice(&errors, TILE, targets);
             let to = MatMut::from_column_major_slice_mut(&mut sum.weights, features, targets);
-            matmul(to, Accum::Add, own_h.transpose(), own, 1.0, Par::Seq);
+            matmul(to, Accum::Add, own_h.transpose(), residuals, 1.0, Par::Seq);
             let to = MatMut::from_column_major_slice_mut(&mut slopes, TILE, features);
-            matmul(to, Accum::Replace, own, weights.transpose(), 1.0, Par::Seq);
+            matmul(to, Accum::Replace, residuals, weights.transpose(), 1.0, Par::Seq);
             layers.backward(parameters, x, &slopes, &mut sum.hidden);
         }
         sum
@@ -133,8 +133,8 @@ pub fn slope(
     let mut all = zero();
     pieces(tiles, progress, of, |part: Slope| {
         all.loss += part.loss;
-        all.hidden.iter_mut().zip(&part.hidden).for_each(|(sum, own)| *sum += own);
-        all.weights.iter_mut().zip(&part.weights).for_each(|(sum, own)| *sum += own);
+        all.hidden.iter_mut().zip(&part.hidden).for_each(|(sum, value)| *sum += value);
+        all.weights.iter_mut().zip(&part.weights).for_each(|(sum, value)| *sum += value);
     })?;
     Ok(all)
 }

@@ -67,7 +67,7 @@ impl Shape {
 
     /// Weights and constants (units x inputs; units) of every layer.
     pub fn split<'a>(&self, parameters: &'a [f64]) -> Vec<(&'a [f64], &'a [f64])> {
-        self.layers().into_iter().map(|own| (&parameters[own.weights], &parameters[own.constants])).collect()
+        self.layers().into_iter().map(|layer| (&parameters[layer.weights], &parameters[layer.constants])).collect()
     }
 
     /// Random numbers to begin with: uniform, with the variance that keeps sums of standardised inputs at 1 (LeCun, Bottou, Orr and Mueller, "Efficient BackProp",

@@ -67,7 +67,7 @@ impl Best<'_> {
         for ridge in RIDGES {
             let Ok(output) = fitted.solve(ridge) else { continue };
             let loss = held.error(&output);
-            if loss.is_finite() && least.as_ref().is_none_or(|(_, _, own)| loss < *own) {
+            if loss.is_finite() && least.as_ref().is_none_or(|(_, _, best)| loss < *best) {
                 least = Some((output, ridge, loss));
             }
         }
@@ -127,9 +127,9 @@ fn adam(best: &mut Best<'_>, parameters: &mut [f64], output: &mut Output, how: &
     for epoch in 0..how.epochs {
         let rate = how.rate * 0.5 * (1.0 + (std::f64::consts::PI * epoch as f64 / how.epochs as f64).cos());
         for tiles in shuffled(fitted.tiles(), mix(how.seed).wrapping_add(epoch as u64)).chunks(batch) {
-            let found = slope(shape, parameters, output, (fitted, tiles), best.progress)?;
+            let slopes = slope(shape, parameters, output, (fitted, tiles), best.progress)?;
             let rows: usize = tiles.iter().map(|&tile| fitted.tile(tile).2).sum();
-            let gradient = found.hidden.iter().chain(&found.weights).map(|own| own / rows as f64);
+            let gradient = slopes.hidden.iter().chain(&slopes.weights).map(|entry| entry / rows as f64);
             let weights =
                 output.0.col_iter_mut().flat_map(|column| column.subrows_mut(head, shape.features()).iter_mut());
             optimiser.step(rate, parameters.iter_mut().chain(weights), gradient);
@@ -155,11 +155,11 @@ fn polish(best: &mut Best<'_>, how: &Training) -> Result<(), Error> {
     let rows = fitted.rows as f64;
     let evaluate = |parameters: &[f64]| {
         let Ok(output) = statistic(shape, parameters, fitted, progress)?.solve(ridge) else { return Ok(None) };
-        let found = slope(shape, parameters, &output, (fitted, &tiles), progress)?;
+        let slopes = slope(shape, parameters, &output, (fitted, &tiles), progress)?;
         let weights = output.0.as_ref().subrows(1 + fitted.inputs, shape.features()).squared_norm_l2();
-        let value = found.loss / rows + 0.5 * ridge * weights;
+        let value = slopes.loss / rows + 0.5 * ridge * weights;
         // The output layer is the best one: the gradient by it is zero (envelope theorem).
-        let gradient = found.hidden.into_iter().map(|own| own / rows).collect();
+        let gradient = slopes.hidden.into_iter().map(|entry| entry / rows).collect();
         Ok(value.is_finite().then_some((value, gradient)))
     };
     best.since = 0;
