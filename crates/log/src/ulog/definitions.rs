@@ -193,7 +193,7 @@ impl Definitions {
         {
             return;
         }
-        let described = self.topics.get(topic).and_then(|found| found.described.as_ref().ok().cloned());
+        let described = self.topics.get(topic).and_then(|declared| declared.described.as_ref().ok().cloned());
         subscription.push(self.channels.len());
         self.channels.push(Channel { topic, from, described });
     }
