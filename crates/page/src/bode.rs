@@ -11,19 +11,19 @@ use crate::{Report, sentence::sentence};
 const POINTS: usize = 240;
 
 /// One page about a frequency response.
-pub fn bode(found: &Frequencies) -> Report {
-    let title = format!("{} over {}", found.options.output, found.options.input);
-    let unit = match &found.units {
+pub fn bode(frequencies: &Frequencies) -> Report {
+    let title = format!("{} over {}", frequencies.options.output, frequencies.options.input);
+    let unit = match &frequencies.units {
         [Some(input), Some(output)] if input == output => String::new(),
         [Some(input), Some(output)] => format!("{}/{}", factor(output), factor(input)),
         _ => String::new(),
     };
-    let shown = drawn(&found.measured);
+    let shown = drawn(&frequencies.measured);
     let mut frequency = Axis::of("frequency", "Hz");
     frequency.scale = Scale::Logarithmic;
-    let responses = [("log", Some(&found.measured)), ("model", found.model.as_ref())];
+    let responses = [("log", Some(&frequencies.measured)), ("model", frequencies.model.as_ref())];
     let responses: Vec<(&str, &FrequencyResponse)> =
-        responses.into_iter().filter_map(|(name, own)| Some((name, own?))).collect();
+        responses.into_iter().filter_map(|(name, response)| Some((name, response?))).collect();
     let mut gain = Axis::of("gain", unit);
     gain.scale = Scale::Logarithmic;
     let figures = [
@@ -39,21 +39,31 @@ pub fn bode(found: &Frequencies) -> Report {
     let captions = [
         format!(
             "Size of the response. Band: 95 % of repetitions, from {} averages of {} samples.",
-            number(found.measured.averages),
-            found.length
+            number(frequencies.measured.averages),
+            frequencies.length
         ),
         "Angle of the response, without jumps of a turn.".to_owned(),
         "Share of the output's power that is linear in the input: less than 1 means noise, other inputs or nonlinearity.".to_owned(),
     ];
-    let mut parts = vec![Part::Findings(findings(found))];
+    let mut parts = vec![Part::Findings(findings(frequencies))];
     for ((name, title, axis, series), caption) in figures.into_iter().zip(captions) {
         let chart = Chart::Lines(Lines::new(frequency.clone(), axis, series));
         parts.push(Part::Figure(Figure::new(name, title, caption, chart)));
     }
-    let lead = format!("{} episodes, {} samples of {} s each part.", found.episodes, found.length, number(found.step));
+    let lead = format!(
+        "{} episodes, {} samples of {} s each part.",
+        frequencies.episodes,
+        frequencies.length,
+        number(frequencies.step)
+    );
     let mut page = Page::new(title, lead, vec![Section::new("response", "Frequency response", parts)]);
     page.source = vec![format!("Made by fleetfoot {}.", env!("CARGO_PKG_VERSION"))];
-    Report { page, episodes: found.episodes, in_sample: found.in_sample.clone(), notes: found.notes.clone() }
+    Report {
+        page,
+        episodes: frequencies.episodes,
+        in_sample: frequencies.in_sample.clone(),
+        notes: frequencies.notes.clone(),
+    }
 }
 
 /// A unit that can be divided.
@@ -111,9 +121,9 @@ fn gains(lines: &[&FrequencyLine]) -> Curve {
 fn phases(lines: &[&FrequencyLine]) -> Curve {
     let mut turned: Vec<f64> = Vec::with_capacity(lines.len());
     for line in lines {
-        let own = line.phase().to_degrees();
-        let before = turned.iter().rev().find(|value| value.is_finite()).copied().unwrap_or(own);
-        turned.push(own - 360.0 * ((own - before) / 360.0).round());
+        let phase = line.phase().to_degrees();
+        let before = turned.iter().rev().find(|value| value.is_finite()).copied().unwrap_or(phase);
+        turned.push(phase - 360.0 * ((phase - before) / 360.0).round());
     }
     let side = |sign: f64| {
         let error = |line: &&FrequencyLine| sign * line.phase_error().to_degrees();
@@ -127,36 +137,37 @@ fn coherences(lines: &[&FrequencyLine]) -> Curve {
     (lines.iter().map(|line| line.coherence).collect(), None)
 }
 
-fn findings(found: &Frequencies) -> Vec<Sentence> {
-    let excited: Vec<&FrequencyLine> = found.measured.lines.iter().filter(|line| line.excited).collect();
+fn findings(frequencies: &Frequencies) -> Vec<Sentence> {
+    let excited: Vec<&FrequencyLine> = frequencies.measured.lines.iter().filter(|line| line.excited).collect();
     let mean = excited.iter().map(|line| line.coherence).sum::<f64>() / excited.len().max(1) as f64;
     let light = if mean > 0.9 { Light::Good } else { Light::Doubtful };
-    let mut told = vec![sentence(
+    let mut sentences = vec![sentence(
         light,
         "Coherence.",
         &format!("On average {} at the {} excited frequencies.", number(mean), excited.len()),
     )];
-    if let Some(inside) = found.inside() {
+    if let Some(inside) = frequencies.inside() {
         let light = if inside > 0.9 { Light::Good } else { Light::Doubtful };
         let text = format!(
             "At {} % of the excited frequencies the simulated response lies within the 95 % interval of the log's.",
             number((1000.0 * inside).round() / 10.0)
         );
-        told.push(sentence(light, "The model.", &text));
+        sentences.push(sentence(light, "The model.", &text));
     }
-    if let Some(own) = &found.measured.distortion {
+    if let Some(distortion) = &frequencies.measured.distortion {
         let level = |value: Option<f64>| {
-            value.map_or_else(|| "unknown".to_owned(), |value| format!("{:.1} dB", decibels(value / own.excited)))
+            value
+                .map_or_else(|| "unknown".to_owned(), |value| format!("{:.1} dB", decibels(value / distortion.excited)))
         };
         let text = format!(
             "Output beside the excited frequencies, relative to that at them: odd multiples {}, even multiples {}, noise {}.",
-            level(own.odd),
-            level(own.even),
-            level(own.noise)
+            level(distortion.odd),
+            level(distortion.even),
+            level(distortion.noise)
         );
-        told.push(sentence(Light::Plain, "Distortion.", &text));
+        sentences.push(sentence(Light::Plain, "Distortion.", &text));
     }
-    told
+    sentences
 }
 
 /// A ratio of amplitudes in dB, to a tenth.

@@ -116,27 +116,29 @@ fn paths(curves: &[(&str, &Horizon)]) -> Table {
         ["simulated", "score", "value", "95 % interval"],
     );
     for (name, horizon) in curves.iter().take(MODELS) {
-        let own = std::iter::once(((*name).to_owned(), &horizon.model));
+        let model = std::iter::once(((*name).to_owned(), &horizon.model));
         let baselines = horizon.baselines.iter().map(|(which, score)| (format!("{name}: {}", which.name()), score));
-        for (who, score) in own.chain(baselines) {
+        for (who, score) in model.chain(baselines) {
             let variances = horizon.states.iter().zip(&score.explained_variance);
-            let mut told: Vec<(String, Estimate)> = variances
+            let mut scores: Vec<(String, Estimate)> = variances
                 .filter(|_| who == *name)
-                .map(|(state, own)| (format!("explained variance of {state}"), *own))
+                .map(|(state, estimate)| (format!("explained variance of {state}"), *estimate))
                 .collect();
-            told.extend(score.average_orientation.map(|own| ("cosine of the errors of angles".to_owned(), own)));
+            scores.extend(
+                score.average_orientation.map(|estimate| ("cosine of the errors of angles".to_owned(), estimate)),
+            );
             if let (Some(distance), Some(path)) = (&score.displacement_summary, &score.path) {
-                told.push(("displacement".to_owned(), distance.average));
-                told.push(("alignment".to_owned(), path.average_alignment));
-                told.push(("propagated error".to_owned(), path.propagated_error));
-                told.push(("time warping".to_owned(), path.warping_distance));
+                scores.push(("displacement".to_owned(), distance.average));
+                scores.push(("alignment".to_owned(), path.average_alignment));
+                scores.push(("propagated error".to_owned(), path.propagated_error));
+                scores.push(("time warping".to_owned(), path.warping_distance));
             }
-            for (what, own) in told.into_iter().filter(|(_, own)| own.value.is_finite()) {
-                let interval = match own.low.is_finite() {
-                    true => format!("{} to {}", number(own.low), number(own.high)),
+            for (what, estimate) in scores.into_iter().filter(|(_, estimate)| estimate.value.is_finite()) {
+                let interval = match estimate.low.is_finite() {
+                    true => format!("{} to {}", number(estimate.low), number(estimate.high)),
                     false => "-".to_owned(),
                 };
-                table = table.row([who.clone(), what, number(own.value), interval].map(Cell::Text));
+                table = table.row([who.clone(), what, number(estimate.value), interval].map(Cell::Text));
             }
         }
     }
