@@ -62,7 +62,7 @@ pub struct Prepared {
 impl Prepared {
     /// The report with the paths of the written files, as printed by `prepare --json`.
     pub fn to_json(&self) -> serde_json::Value {
-        fleetfoot_dataset::json::value(Told {
+        fleetfoot_dataset::json::value(Content {
             report: &self.report,
             recipe: self.recipe.display().to_string(),
             files: self.files.iter().map(|file| file.display().to_string()).collect(),
@@ -71,7 +71,7 @@ impl Prepared {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     #[serde(flatten)]
     report: &'a PrepareReport,
     recipe: String,
