@@ -34,17 +34,17 @@ pub(crate) fn frequency<'py>(
     let recipe = of_json(recipe_text)?;
     let mut options = FrequencyOptions::new(request.input, request.output);
     (options.segment, options.period, options.skip) = (request.segment, request.period, request.skip);
-    let found = run(py, progress, |progress| {
+    let report = run(py, progress, |progress| {
         let model = model.as_ref().map(|model| &model.get().model);
-        let found = fleetfoot::frequency(model, &recipe, &data.logs, &options, progress)?;
-        let drawn = fleetfoot::bode(&found);
+        let frequencies = fleetfoot::frequency(model, &recipe, &data.logs, &options, progress)?;
+        let drawn = fleetfoot::bode(&frequencies);
         if let Some(path) = &request.page {
             drawn.write(path, &data.logs.files())?;
         }
         if let Some(folder) = &request.svg {
             drawn.write_figures(folder, FigureFormat::Svg, &data.logs.files())?;
         }
-        Ok(found.to_json())
+        Ok(frequencies.to_json())
     })?;
-    object(py, &found)
+    object(py, &report)
 }

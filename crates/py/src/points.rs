@@ -74,11 +74,11 @@ fn names<'a>(names: impl Iterator<Item = &'a str>) -> String {
 }
 
 /// The number of points that an argument of shape (width) or (points, width) gives; `None` for the first.
-fn points_of(given: Option<&Floats>, what: &str, width: usize, own: &str) -> PyResult<Option<usize>> {
+fn points_of(given: Option<&Floats>, what: &str, width: usize, column_names: &str) -> PyResult<Option<usize>> {
     let Some(given) = given else {
         return match width {
             0 => Ok(None),
-            _ => Err(Kind::Model.error(format!("{what} is missing: give {width} values ({own})"))),
+            _ => Err(Kind::Model.error(format!("{what} is missing: give {width} values ({column_names})"))),
         };
     };
     match given.shape.as_slice() {
@@ -88,7 +88,7 @@ fn points_of(given: Option<&Floats>, what: &str, width: usize, own: &str) -> PyR
         [count] if width == 1 => Ok(Some(*count)),
         [count, last] if *last == width => Ok(Some(*count)),
         shape => Err(Kind::Model.error(format!(
-            "{what} has the shape {shape:?}; the model has {width} ({own}): give ({width},), or as many for each point, (points, {width})"
+            "{what} has the shape {shape:?}; the model has {width} ({column_names}): give ({width},), or as many for each point, (points, {width})"
         ))),
     }
 }
