@@ -314,7 +314,7 @@ fn field(columns: &[Column], name: &str) -> Option<String> {
 /// Usual names of fields in a draft: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
 fn usual_name(role: Role, field: &str) -> Option<String> {
     if let Some(axis) = field.strip_prefix("/IMU.Gyr") {
-        return ["X", "Y", "Z"].iter().position(|own| *own == axis).map(|at| ["p", "q", "r"][at].to_owned());
+        return ["X", "Y", "Z"].iter().position(|letter| *letter == axis).map(|at| ["p", "q", "r"][at].to_owned());
     }
     if let Some(channel) = field.strip_prefix("/RCOU.C") {
         return Some(format!("u{}", channel.parse::<usize>().ok()?.checked_sub(1)?));
@@ -499,12 +499,12 @@ mod tests {
             topic
         };
         let out = recipe("flight.bin", &columns, &["/ATT", "/IMU", "/IMU.1", "/RCOU"].map(topic));
-        let found = Recipe::parse(&out, "starter").unwrap();
-        assert_eq!(found.states.keys().collect::<Vec<_>>(), ["roll", "pitch", "yaw", "p", "q", "r"], "{out}");
-        assert_eq!(found.inputs.keys().collect::<Vec<_>>(), ["u0", "u1", "u2", "u3"], "{out}");
-        assert_eq!((&*found.columns["p"], &*found.columns["u3"]), ("/IMU.GyrX", "/RCOU.C4"), "{out}");
+        let draft = Recipe::parse(&out, "starter").unwrap();
+        assert_eq!(draft.states.keys().collect::<Vec<_>>(), ["roll", "pitch", "yaw", "p", "q", "r"], "{out}");
+        assert_eq!(draft.inputs.keys().collect::<Vec<_>>(), ["u0", "u1", "u2", "u3"], "{out}");
+        assert_eq!((&*draft.columns["p"], &*draft.columns["u3"]), ("/IMU.GyrX", "/RCOU.C4"), "{out}");
         let scope = fleetfoot_library::Scope::new(columns.iter().map(|column| column.name.as_str()));
-        let roll = Expr::parse(&found.columns["roll"], &scope).unwrap();
+        let roll = Expr::parse(&draft.columns["roll"], &scope).unwrap();
         let mut source = fleetfoot_data::MemorySource::new(vec![Column::float("/ATT.Roll")]);
         source.push_uniform("e", 0.1, vec![vec![90.0]]);
         let view = fleetfoot_library::View::new(&source, &[(Column::float("roll"), roll)]).unwrap();
