@@ -147,8 +147,8 @@ impl Frequencies {
         let model = self.model.as_ref()?;
         let pairs = self.measured.lines.iter().zip(&model.lines);
         let known: Vec<bool> = pairs
-            .filter(|(own, model)| own.excited && own.radius.is_finite() && model.gain().is_finite())
-            .map(|(own, model)| (own.value[0] - model.value[0]).hypot(own.value[1] - model.value[1]) <= own.radius)
+            .filter(|(line, model)| line.excited && line.radius.is_finite() && model.gain().is_finite())
+            .map(|(line, model)| (line.value[0] - model.value[0]).hypot(line.value[1] - model.value[1]) <= line.radius)
             .collect();
         (!known.is_empty()).then(|| known.iter().filter(|inside| **inside).count() as f64 / known.len() as f64)
     }
@@ -200,13 +200,13 @@ pub fn frequency(
     }
     options.segment = options.period.is_none().then_some(length as f64 * step);
     let mut notes = dataset.notes().to_vec();
-    let mut own = Sums::new(&options, length);
+    let mut measured = Sums::new(&options, length);
     let mut simulated = model.as_ref().map(|_| Sums::new(&options, length));
     let mut ended = 0;
     for (at, episode) in dataset.episodes().iter().enumerate() {
         even(&view, at, step)?;
         let [input, output] = channels.read(&view, at)?;
-        own.add(&input, &output);
+        measured.add(&input, &output);
         if let (Some(model), Some(sums)) = (&model, &mut simulated) {
             let path = simulate(model, &dataset, at, episode, &options.output, progress)?;
             ended += usize::from(path.last().is_some_and(|last| last.is_nan()));
@@ -231,7 +231,7 @@ pub fn frequency(
         length,
         step,
         units: channels.units.clone(),
-        measured: own.finish(step).ok_or_else(missing)?,
+        measured: measured.finish(step).ok_or_else(missing)?,
         model: simulated.and_then(|sums| sums.finish(step)),
         episodes: dataset.episodes().len(),
         in_sample: model.as_ref().map(|model| dataset.in_sample(model)).unwrap_or_default(),
@@ -287,8 +287,8 @@ impl Channels {
             }),
         };
         let both = [parse(&options.input)?, parse(&options.output)?];
-        let unit = |own: &Expr| {
-            let name = own.as_column()?;
+        let unit = |expression: &Expr| {
+            let name = expression.as_column()?;
             source.columns().iter().find(|column| column.name == *name)?.unit.clone()
         };
         Ok(Self {
@@ -342,11 +342,11 @@ fn segment(seconds: Option<f64>, step: f64, longest: usize, total: usize) -> Res
 
 /// Refuses rows at uneven times.
 fn even(source: &dyn Source, episode: usize, step: f64) -> Result<(), Error> {
-    let own = &source.episodes()[episode];
-    let block = source.read(episode, 0..own.rows, Halo::default()).map_err(fleetfoot_dynamics::Error::from)?;
+    let entry = &source.episodes()[episode];
+    let block = source.read(episode, 0..entry.rows, Halo::default()).map_err(fleetfoot_dynamics::Error::from)?;
     let stamps = block.stamps();
     let Some((first, last)) = stamps.first().zip(stamps.last()) else { return Ok(()) };
-    let mean = (last - first) as f64 * 1e-9 / (own.rows.max(2) - 1) as f64;
+    let mean = (last - first) as f64 * 1e-9 / (entry.rows.max(2) - 1) as f64;
     let far = stamps
         .iter()
         .enumerate()
@@ -355,7 +355,7 @@ fn even(source: &dyn Source, episode: usize, step: f64) -> Result<(), Error> {
     if far > 0.5 * step {
         return Err(Error::undetermined(format!(
             "{}: the rows are not at even times (mean {mean:.6} s, up to {far:.6} s beside multiples of {step} s); set `rate` in the recipe for even rows",
-            own.name
+            entry.name
         )));
     }
     Ok(())

@@ -34,8 +34,8 @@ fn square([a, b]: Complex) -> f64 {
 
 fn mean<'a>(all: impl Iterator<Item = &'a Complex>) -> Complex {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
-    for own in all {
-        sum = [sum[0] + own[0], sum[1] + own[1]];
+    for value in all {
+        sum = [sum[0] + value[0], sum[1] + value[1]];
         count += 1.0;
     }
     sum.map(|part| part / count)
@@ -90,22 +90,22 @@ impl Periods {
         let inputs: Vec<f64> = (0..self.lines).map(|k| power(0, k)).collect();
         let largest = inputs.iter().copied().fold(0.0, f64::max);
         let line = |k: usize| {
-            let (mut cross, mut own) = ([0.0; 2], 0.0);
+            let (mut cross, mut squares) = ([0.0; 2], 0.0);
             for episode in &self.episodes {
                 let weight = episode.len() as f64;
                 let [u, y] = [0, 1].map(|which| mean(episode.iter().map(|one| &one[which][k])));
                 let product = times([u[0], -u[1]], y);
                 cross = [weight.mul_add(product[0], cross[0]), weight.mul_add(product[1], cross[1])];
-                own += weight * square(u);
+                squares += weight * square(u);
             }
-            let value = cross.map(|part| part / own);
+            let value = cross.map(|part| part / squares);
             let output = power(1, k);
             let all = self.episodes.iter().flatten();
             let left: f64 = all.map(|one| square(minus(one[1][k], times(value, one[0][k])))).sum();
             Line {
                 frequency: (k + 1) as f64 / (self.length as f64 * period),
                 value,
-                radius: self.radius(k, value, own),
+                radius: self.radius(k, value, squares),
                 coherence: (1.0 - left / (parts as f64 * output)).clamp(0.0, 1.0),
                 input: inputs[k],
                 output,
@@ -119,7 +119,7 @@ impl Periods {
 
     /// Radius of the circle that holds the response in 95 % of repetitions, by Fisher's distribution: from the
     /// differences between episodes, else between periods.
-    fn radius(&self, k: usize, value: Complex, own: f64) -> f64 {
+    fn radius(&self, k: usize, value: Complex, squares: f64) -> f64 {
         let left = |episode: &[[Vec<Complex>; 2]]| {
             let [u, y] = [0, 1].map(|which| mean(episode.iter().map(|one| &one[which][k])));
             minus(y, times(value, u))
@@ -128,7 +128,7 @@ impl Periods {
             [one] => {
                 let about = left(one);
                 let residuals = one.iter().map(|period| minus(period[1][k], times(value, period[0][k])));
-                (residuals.map(|own| square(minus(own, about))).sum::<f64>(), 2.0 * (one.len() as f64 - 1.0))
+                (residuals.map(|residual| square(minus(residual, about))).sum::<f64>(), 2.0 * (one.len() as f64 - 1.0))
             }
             several => {
                 let residuals = several.iter().map(|episode| episode.len() as f64 * square(left(episode)));
@@ -138,8 +138,8 @@ impl Periods {
         if freedom <= 0.0 {
             return f64::NAN;
         }
-        // Variance of a period's residual; `own` is the sum of the squared inputs over the periods.
-        let variance = 2.0 * sum / freedom / own;
+        // Variance of a period's residual; `squares` is the sum of the squared inputs over the periods.
+        let variance = 2.0 * sum / freedom / squares;
         (variance * freedom / 2.0 * (0.05f64.powf(-2.0 / freedom) - 1.0)).sqrt()
     }
 

@@ -134,9 +134,9 @@ mod tests {
     fn transforms_equal_their_sums() {
         for length in [1, 2, 8, 64] {
             let values: Vec<f64> = (0..length).map(|n| (n as f64 * 1.7).sin() + 0.1 * n as f64).collect();
-            let mut found: Vec<[f64; 2]> = values.iter().map(|value| [*value, 0.0]).collect();
-            transform(&mut found);
-            for (k, [real, imaginary]) in found.iter().enumerate() {
+            let mut transformed: Vec<[f64; 2]> = values.iter().map(|value| [*value, 0.0]).collect();
+            transform(&mut transformed);
+            for (k, [real, imaginary]) in transformed.iter().enumerate() {
                 let sum = |of: fn(f64) -> f64| -> f64 {
                     let angle = |n: usize| TAU * ((k * n) % length) as f64 / length as f64;
                     values.iter().enumerate().map(|(n, value)| value * of(angle(n))).sum()

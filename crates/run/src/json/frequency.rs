@@ -9,7 +9,7 @@ use crate::{Frequencies, frequency::Response};
 impl Frequencies {
     /// All lines of the log and of the model, with their intervals.
     pub fn to_json(&self) -> Value {
-        report(Told {
+        report(Content {
             input: &self.options.input,
             output: &self.options.output,
             units: &self.units,
@@ -28,7 +28,7 @@ impl Frequencies {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     input: &'a str,
     output: &'a str,
     units: &'a [Option<String>; 2],
@@ -73,8 +73,8 @@ struct Levels {
 }
 
 impl Lines {
-    fn new(own: &Response) -> Self {
-        let all = |of: fn(&crate::frequency::Line) -> f64| own.lines.iter().map(of).collect();
+    fn new(response: &Response) -> Self {
+        let all = |of: fn(&crate::frequency::Line) -> f64| response.lines.iter().map(of).collect();
         Self {
             frequency: all(|line| line.frequency),
             gain: all(|line| line.gain()),
@@ -85,15 +85,15 @@ impl Lines {
             coherence: all(|line| line.coherence),
             input_power: all(|line| line.input),
             output_power: all(|line| line.output),
-            excited: own.lines.iter().map(|line| line.excited).collect(),
-            averages: own.averages,
-            parts: own.parts,
-            lost: own.lost,
-            distortion: own.distortion.map(|own| Levels {
-                excited: own.excited,
-                odd: own.odd,
-                even: own.even,
-                noise: own.noise,
+            excited: response.lines.iter().map(|line| line.excited).collect(),
+            averages: response.averages,
+            parts: response.parts,
+            lost: response.lost,
+            distortion: response.distortion.map(|levels| Levels {
+                excited: levels.excited,
+                odd: levels.odd,
+                even: levels.even,
+                noise: levels.noise,
             }),
         }
     }

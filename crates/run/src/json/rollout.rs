@@ -19,7 +19,7 @@ impl RolledOut {
         let rollouts = &self.rollouts;
         let horizon = &rollouts.horizon;
         let states = horizon.states.len();
-        report(Told {
+        report(Content {
             rollouts: rollouts.outcomes.len(),
             missing: rollouts.missing,
             diverged: rollouts.diverged(),
@@ -45,7 +45,7 @@ impl RolledOut {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Content<'a> {
     rollouts: usize,
     missing: usize,
     diverged: usize,
@@ -99,12 +99,12 @@ struct Path {
 }
 
 impl From<&PathScores> for Path {
-    fn from(own: &PathScores) -> Self {
+    fn from(scores: &PathScores) -> Self {
         Self {
-            alignment: triples(&own.alignment),
-            average_alignment: (&own.average_alignment).into(),
-            propagated_error: (&own.propagated_error).into(),
-            warping_distance: (&own.warping_distance).into(),
+            alignment: triples(&scores.alignment),
+            average_alignment: (&scores.average_alignment).into(),
+            propagated_error: (&scores.propagated_error).into(),
+            warping_distance: (&scores.warping_distance).into(),
         }
     }
 }
@@ -117,14 +117,14 @@ struct Pair {
 }
 
 impl From<&ReferencePair> for Pair {
-    fn from(own: &ReferencePair) -> Self {
-        Self { displacement_summary: (&own.displacement).into(), path: (&own.path).into() }
+    fn from(pair: &ReferencePair) -> Self {
+        Self { displacement_summary: (&pair.displacement).into(), path: (&pair.path).into() }
     }
 }
 
 /// Estimates with the ends of their intervals.
 fn triples(all: &[Estimate]) -> Vec<[f64; 3]> {
-    all.iter().map(|own| [own.value, own.low, own.high]).collect()
+    all.iter().map(|estimate| [estimate.value, estimate.low, estimate.high]).collect()
 }
 
 /// Errors against raw measurements, steps x states.
@@ -172,8 +172,12 @@ struct Summary {
 }
 
 impl From<&RolloutSummary> for Summary {
-    fn from(own: &RolloutSummary) -> Self {
-        Self { average: (&own.average).into(), last: (&own.last).into(), drift_per_second: (&own.drift).into() }
+    fn from(summary: &RolloutSummary) -> Self {
+        Self {
+            average: (&summary.average).into(),
+            last: (&summary.last).into(),
+            drift_per_second: (&summary.drift).into(),
+        }
     }
 }
 
@@ -190,14 +194,14 @@ struct Useful {
 
 impl From<&Horizon> for Useful {
     fn from(horizon: &Horizon) -> Self {
-        let spans = |own: &[StepSpan]| own.iter().map(Span::from).collect::<Vec<_>>();
+        let spans = |steps: &[StepSpan]| steps.iter().map(Span::from).collect::<Vec<_>>();
         Self {
             steps: horizon.useful.steps,
             seconds: horizon.useful.seconds,
             beaten_by: horizon.useful.beaten_by.map(|baseline| baseline.name()),
             compared_steps: horizon.useful.compared,
             better_than_all: spans(&horizon.useful.spans),
-            better_than: by_baseline(&horizon.better, |own| spans(own)),
+            better_than: by_baseline(&horizon.better, |steps| spans(steps)),
         }
     }
 }
