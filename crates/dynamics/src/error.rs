@@ -64,7 +64,7 @@ pub enum Error {
     Reference {
         /// The reference.
         text: String,
-        /// What is wrong with it.
+        /// The fault, as the end of a sentence.
         problem: String,
     },
     /// No episode is long enough for the horizon.

@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-/// What a unit does with its sum.
+/// Function of a unit's sum that gives its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Activation {
     /// `tanh(z)`.

@@ -1,8 +1,8 @@
-//! What stops a network from being trained.
+//! Errors of training.
 
 use fleetfoot_data::Cancelled;
 
-/// What stops a network from being trained.
+/// Cause for which a network cannot be trained.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

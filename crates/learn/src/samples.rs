@@ -132,7 +132,7 @@ impl Units {
     }
 }
 
-/// Whether a deviation is what rounding leaves of a constant.
+/// True if a deviation is no more than the rounding of a constant.
 fn is_constant(scale: f64, mean: f64) -> bool {
     scale <= 1e-12 * mean.abs() || scale == 0.0
 }

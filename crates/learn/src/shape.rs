@@ -1,4 +1,4 @@
-//! How large a network is, and where its numbers stand.
+//! Size of a network, and the places of its numbers.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ pub struct Shape {
     pub inputs: usize,
     /// Units of every hidden layer.
     pub hidden: Vec<usize>,
-    /// What units do with their sums.
+    /// Function of each unit's sum.
     pub activation: Activation,
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct Layer {
 }
 
 impl Shape {
-    /// Whether there is anything to train.
+    /// Checks that there are inputs and units to train.
     ///
     /// # Errors
     /// No inputs, no layer, a layer without units.
@@ -60,7 +60,7 @@ impl Shape {
         self.hidden.last().copied().unwrap_or(0)
     }
 
-    /// How many numbers the hidden layers have.
+    /// Number of weights and constants of the hidden layers.
     pub fn parameters(&self) -> usize {
         self.layers().last().map_or(0, |layer| layer.constants.end)
     }

@@ -7,7 +7,7 @@ use crate::{Error, Output, Samples, Shape, Statistic, adam::Adam, descent, slope
 /// Ridges of the features' weights that are compared on the rows that do not train.
 const RIDGES: [f64; 8] = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1];
 
-/// How long to train, and how.
+/// Options of training: its length and its steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Training {
     /// Passes over the rows by Adam at most.

@@ -499,7 +499,7 @@ impl From<Error> for fleetfoot_data::Error {
     }
 }
 
-/// What is wrong with a file of an unknown format: some formats are read in Python alone.
+/// Message about a file of an unknown format: some formats are read in Python alone.
 fn unknown_format(path: &Path) -> String {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let (kind, package) = match &*ending {

@@ -17,7 +17,7 @@ pub(super) struct Rows {
     pub(super) table: Table,
     /// Functions of the library that vary: the inputs.
     pub(super) inputs: Vec<usize>,
-    /// What persistence predicts, rows x targets; NaN where it predicts nothing.
+    /// Predictions of persistence, rows x targets; NaN where it predicts nothing.
     pub(super) persistence: Vec<f64>,
     pub(super) folds: Vec<Fold>,
     /// Number of folds, and which rows they hold out, in words; 0 where there are none.

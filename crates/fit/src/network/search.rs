@@ -12,7 +12,7 @@ use super::{
 };
 use crate::error::Error;
 
-/// What the comparison found.
+/// Result of the comparison.
 pub(super) struct Found {
     pub(super) candidates: Vec<NetworkCandidate>,
     pub(super) chosen: usize,

@@ -246,7 +246,7 @@ const ANGLES: &str = "/ATT";
 /// Roll, pitch and yaw of a vehicle.
 struct Attitude {
     topic: String,
-    /// How the log has them.
+    /// Comment of the draft about their form in the log.
     comment: &'static str,
     /// Their expressions, radians.
     angles: [String; 3],
