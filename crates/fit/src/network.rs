@@ -55,7 +55,7 @@ pub struct Network {
 /// The linear model, what was compared, and the model that is written.
 pub struct NetworkFound {
     linear: Identification,
-    comparison: Found,
+    found: Found,
     rule: String,
     trained_rows: usize,
     model: Model,
@@ -92,7 +92,7 @@ impl Method for Network {
         plan.passes += 1;
         plan.memory += self.options.bytes().min(rows * (inputs + 2 * targets) * 32);
         plan.work.operations += self.options.work(rows, inputs, targets);
-        let sizes: Vec<String> = self.options.sizes().iter().map(|hidden| NetworkCandidate::name_of(hidden)).collect();
+        let sizes: Vec<String> = self.options.sizes().iter().map(|own| NetworkCandidate::name_of(own)).collect();
         plan.details = vec![format!("compared with the linear model on {rows} rows: {}", sizes.join(", "))];
         if self.looks {
             plan.details.push("lags: those with which linear models simulate held-out spans, up to ten or so".into());
@@ -260,23 +260,23 @@ impl Network {
         let rows = self.rows(data, progress, true)?;
         let mut found = search(&rows, &self.options, progress)?;
         if rows.table.rows() < rows.complete {
-            comparison.notes.push(format!(
+            found.notes.push(format!(
                 "{} of {} complete rows, evenly taken, train and test the networks; more memory or effort takes more",
                 rows.table.rows(),
                 rows.complete
             ));
         }
         let mut model = linear.model.clone();
-        if comparison.chosen == 0 {
+        if found.chosen == 0 {
             model.method = "network linear".into();
-            let reason = match comparison.candidates.len() {
+            let reason = match found.candidates.len() {
                 1 => "no network was compared",
                 _ => "no network predicts held-out rows better than the linear model by more than one standard error",
             };
-            comparison.notes.push(format!("{reason}: the linear model is written"));
+            found.notes.push(format!("{reason}: the linear model is written"));
             notes.append(&mut of_linear);
         } else {
-            self.write(&mut model, &comparison.fitted, &rows);
+            self.write(&mut model, &found.fitted, &rows);
         }
         notes.append(&mut found.notes);
         Ok(NetworkFound {
@@ -294,8 +294,8 @@ impl Network {
     fn trained(&self, data: Data<'_, Task>, found: &NetworkFound, progress: &dyn Progress) -> Result<Model, Error> {
         let data = Data { task: &found.task, ..data };
         let (_, mut model) = self.linear.trials(data, progress)?.swap_remove(0);
-        model.method.clone_from(&solution.model.method);
-        let hidden = &solution.comparison.candidates[solution.comparison.chosen].hidden;
+        model.method.clone_from(&found.model.method);
+        let hidden = &found.found.candidates[found.found.chosen].hidden;
         if !hidden.is_empty() {
             let rows = self.rows(data, progress, false)?;
             let [all, _] = rows.split(None);

@@ -1,4 +1,4 @@
-//! Report of a fit of networks, for people and for programs.
+//! What a fit of networks found, for people and for programs.
 
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct NetworkCandidate {
     pub losses: Vec<f64>,
     /// Root mean squared error of each target on held-out rows.
     pub rmse: Vec<f64>,
-    /// True for the candidate that is written.
+    /// Whether it is the model that is written.
     pub chosen: bool,
 }
 
@@ -94,9 +94,9 @@ pub struct NetworkReport {
     pub targets: Vec<String>,
     /// Standard deviation of each target.
     pub sigma: Vec<f64>,
-    /// Rule of the folds: the rows that each holds out, in words.
+    /// Which rows were held out.
     pub fold_rule: String,
-    /// Compared candidates, the linear map first.
+    /// What was compared, the linear map first.
     pub candidates: Vec<NetworkCandidate>,
     /// Index of the candidate that is written.
     pub chosen: usize,

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::error::Error;
 
-/// Result of the comparison.
+/// What the comparison found.
 pub(super) struct Found {
     pub(super) candidates: Vec<NetworkCandidate>,
     pub(super) chosen: usize,
@@ -38,7 +38,7 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
         let shape = Shape { inputs: p, hidden: hidden.to_vec(), activation: options.activation };
         let numbers = shape.parameters() + (1 + p + shape.features()) * q;
         let weights: Vec<f64> = splits.iter().map(|[_, held]| held.len() as f64).collect();
-        NetworkCandidate::new(hidden, numbers, errors.iter().map(|fold| loss(fold)).collect(), pooled(errors, &weights))
+        NetworkCandidate::new(hidden, numbers, errors.iter().map(|own| loss(own)).collect(), pooled(errors, &weights))
     };
     progress.stage("linear model");
     let errors = parallel_map(splits.len(), progress, |at| {
@@ -152,7 +152,7 @@ impl Progress for Quiet<'_> {
 fn pooled(errors: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
     let total: f64 = weights.iter().sum();
     let targets = errors.first().map_or(0, Vec::len);
-    let of = |t: usize| errors.iter().zip(weights).map(|(fold, weight)| fold[t] * weight).sum::<f64>() / total;
+    let of = |t: usize| errors.iter().zip(weights).map(|(own, weight)| own[t] * weight).sum::<f64>() / total;
     (0..targets).map(|t| of(t).sqrt()).collect()
 }
 
@@ -161,10 +161,10 @@ fn pooled(errors: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
 pub(super) fn choose(candidates: &[NetworkCandidate]) -> usize {
     let of = |at: &usize| candidates[*at].loss;
     let best = (0..candidates.len()).min_by(|a, b| of(a).total_cmp(&of(b))).unwrap_or(0);
-    let is_as_good = |candidate: &NetworkCandidate| {
+    let is_as_good = |own: &NetworkCandidate| {
         let logarithm = |loss: &f64| loss.max(f64::MIN_POSITIVE).ln();
-        let pairs = candidate.losses.iter().zip(&candidates[best].losses);
-        let ratios: Vec<f64> = pairs.map(|(loss, best)| logarithm(loss) - logarithm(best)).collect();
+        let pairs = own.losses.iter().zip(&candidates[best].losses);
+        let ratios: Vec<f64> = pairs.map(|(own, best)| logarithm(own) - logarithm(best)).collect();
         let (mean, error) = mean_and_error(&ratios);
         mean <= error
     };

@@ -54,12 +54,12 @@ pub(super) fn network(
     let (units, _) = linear_sums(table, rows)?;
     let stops = |at: usize| (at * PARTS / rows.len()) % EVERY == EVERY - 1;
     let part = |wanted: bool| {
-        let mut selected: Vec<usize> =
+        let mut own: Vec<usize> =
             rows.iter().enumerate().filter(|(at, _)| stops(*at) == wanted).map(|(_, &row)| row).collect();
         // Mini-batches of neighbours in time would be all alike.
         let key = mix(how.seed);
-        selected.sort_by_key(|&row| (mix(key.wrapping_add(row as u64)), row));
-        selected
+        own.sort_by_key(|&row| (mix(key.wrapping_add(row as u64)), row));
+        own
     };
     let [fitted, held] = [false, true].map(|wanted| table.samples(&part(wanted), &units));
     let trained = train(shape, &fitted, &held, how, progress)?;
