@@ -26,26 +26,28 @@ def short(value):
 
 def table(rows):
     """Errors over those of persistence, mean over the states; then what `auto` printed beside the errors on the cut-off rows."""
-    text = ["| log | columns | steps | `auto` chose | `auto` | best by hand | linear | ARX | pysindy | s |", "|---|---|---:|---|---:|---:|---:|---:|---:|---:|"]
-    found = [row for row in rows if "failed" not in row]
-    for row in found:
-        best = next(iter(row["hands"]), [float("inf"), ""])
-        cells = [row["name"], " ".join(row["options"]).replace("|", "") or "-", row["horizon"], row["chosen"] + (", with a warning" if row["warning"] else ""), short(row["auto"])]
-        text.append("| " + " | ".join(map(str, [*cells, f"{short(best[0])} ({best[1]})", short(row["linear"]), short(row["arx"]), short(row["pysindy"]), f"{row['seconds']:.0f}"])) + " |")
-    text += [f"| {row['name']} | - | - | failed: {row['failed']} | - | - | - | - | - | - |" for row in rows if "failed" in row]
-    near = sum(row["auto"] <= NEAR * row["hands"][0][0] for row in found)
-    worse = [row["name"] for row in found if row["auto"] > 1.0]
-    text += ["", f"{near} of {len(found)} are within a tenth of the best by hand, which was chosen on these very rows. Worse than persistence: {', '.join(worse) or 'none'}."]
+    text = ["| log | steps | `auto` chose | `auto` | by hand | linear | ARX | pysindy | s |", "|---|---:|---|---:|---:|---:|---:|---:|---:|"]
+    done = [row for row in rows if "failed" not in row]
+    for row in done:
+        best = next(iter(row["hands"]), [float("inf")])[0]
+        name = row["name"] + (" (1)" if row["options"] else "") + (" (2)" if row["warning"] else "")
+        cells = [name, row["horizon"], row["chosen"], *map(short, [row["auto"], best, row["linear"], row["arx"], row["pysindy"]]), f"{row['seconds']:.0f}"]
+        text.append("| " + " | ".join(map(str, cells)) + " |")
+    text += [f"| {row['name']} | - | failed: {row['failed']} | - | - | - | - | - | - |" for row in rows if "failed" in row]
+    near = sum(row["auto"] <= NEAR * row["hands"][0][0] for row in done)
+    worse = [row["name"] for row in done if row["auto"] > 1.0]
+    text += ["", "(1) Columns or the unit of the stamps were named. (2) `auto` warned that the model is of little use.", ""]
+    text += [f"{near} of {len(done)} are within a tenth of the best by hand, which was chosen on these very rows.", f"Worse than persistence: {', '.join(worse) or 'none'}."]
     text += ["", "| log | state | printed, 95 % interval | on the cut-off rows | within |", "|---|---|---|---:|---|"]
-    within = count = 0
-    for row in found:
+    within = less = count = 0
+    for row in done:
         for state, value, low, high, error in row["printed"][:3]:
             if None in (value, low, high):
                 continue
             held = low <= error <= high
-            within, count = within + held, count + 1
+            within, less, count = within + held, less + (error < low), count + 1
             text.append(f"| {row['name']} | `{state}` | {value:.3g}, {low:.3g} to {high:.3g} | {error:.3g} | {'yes' if held else 'less' if error < low else 'no'} |")
-    return "\n".join([*text, "", f"{within} of {count} errors are within the printed interval (the first three states of every log)."])
+    return "\n".join([*text, "", f"{within} of {count} errors are within the printed interval, {less} below it (the first three states of every log)."])
 
 
 def auto(fleetfoot, data):

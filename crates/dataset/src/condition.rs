@@ -319,14 +319,14 @@ mod tests {
     #[test]
     fn invalid_conditions_are_refused() {
         for (text, words) in [
-            ("t", "`t` is no comparison"),
+            ("t", "`t` is not a comparison"),
             ("t > ", "is not a comparison"),
             ("tt > 3", "did you mean `t`"),
             ("t == 'auto'", "has numbers and no words"),
             ("mode > 'auto'", "by == or !="),
             ("mode > 0", "has words and no numbers"),
-            ("t > 1e9", "no row of 12 is used"),
-            ("mode == 'automatic'", "no row of 12 is used"),
+            ("t > 1e9", "none of the 12 rows satisfies"),
+            ("mode == 'automatic'", "none of the 12 rows satisfies"),
         ] {
             let error = runs(text).unwrap_err();
             assert!(error.contains(words), "{text}: {error}");

@@ -154,7 +154,7 @@ def test_where_says_which_rows_are_used():
     assert len(ff.read(walking, columns=["x"])["x"]) == 180
     assert len(ff.read(pickle.loads(pickle.dumps(walking)), columns=["x"])["x"]) == 180
     assert len(ff.read(ff.open(walking, where="all"), columns=["x"])["x"]) == 300
-    with pytest.raises(ff.exceptions.FleetfootError, match="no row of 300 is used"):
+    with pytest.raises(ff.exceptions.FleetfootError, match="none of the 300 rows satisfies"):
         ff.read(ff.open(table, t="t", where="t > 9"), columns=["x"])
 
 
