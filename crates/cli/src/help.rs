@@ -7,7 +7,7 @@ use clap::{Arg, Command};
 const GROUPS: [(&str, &str); 6] = [
     (
         "Data",
-        "recipe states inputs angles alias derivative outputs weight time time-unit dt max-gap where stamp base rate rename \
+        "recipe states inputs input angles alias derivative outputs weight time time-unit dt max-gap where stamp base rate rename \
          topic measured sensors truth episodes episode file plane free-run fit",
     ),
     ("Model", ""),
@@ -25,7 +25,7 @@ const GROUPS: [(&str, &str); 6] = [
 ];
 
 /// Options that `-h` shows; `--help` shows all. A pair is the option of one command.
-const USUAL: &str = "recipe states inputs predict degree lags partition library where output export effort hidden activation \
+const USUAL: &str = "recipe states inputs input predict degree lags partition library where output export effort hidden activation \
     optimizer threshold parameter to method setpoint q r measured seconds runs speed strict values topic \
     rollout:horizon rollout:starts generate:format";
 
