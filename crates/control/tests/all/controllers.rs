@@ -151,8 +151,10 @@ fn scores_and_bits_do_not_depend_on_threads_and_the_open_loop_is_untouched() {
         with_threads(threads, || rollout_closed_loop(&model, &controller, &source, &starts, &options, &Silent)).unwrap()
     };
     let once = closed(1);
-    assert_eq!(once, closed(2));
-    assert_eq!(once, closed(7));
+    // As text, which has all digits: of one episode there is no interval, and NaN is no equal of itself.
+    for threads in [2, 7] {
+        assert_eq!(format!("{once:?}"), format!("{:?}", closed(threads)));
+    }
     assert_eq!(once.driven_inputs, ["u_v", "u_w"]);
     let open = rollout(&model, &source, &starts, &options, &Silent).unwrap();
     assert!(open.driven_inputs.is_empty());

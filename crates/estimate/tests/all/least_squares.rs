@@ -212,13 +212,13 @@ fn bad_input_is_named() {
     assert!(text(&model, &[("a", 1.0), ("x", 1.0)]).contains("taken by a column"));
     assert!(text(&model, &[("a", 1.0), ("a", 1.0)]).contains("another parameter"));
     assert!(text(&model, &[("a", 1.0), ("b", 1.0)]).contains("no model uses the parameter `b`"));
-    assert!(text(&model, &[("a", f64::NAN)]).contains("starts at NaN"));
+    assert!(text(&model, &[("a", f64::NAN)]).contains("the initial value of the parameter `a` is NaN"));
     assert!(text(&[residual("y", "a*z")], &[("a", 1.0)]).contains("`z`"));
     assert!(text(&[residual("y", "lag(a, 1)*x")], &[("a", 1.0)]).contains("another row"));
     assert!(text(&[residual("y", "log(a)*x")], &[("a", -1.0)]).contains("row 1 of episode episode 0"));
     assert!(text(&[model[0].clone().weighted(-1.0)], &[("a", 1.0)]).contains("the weight of residual `y`"));
     let outside = [Parameter::new("a", 2.0).between(0.0, 1.0)];
-    assert!(refused(&model, &outside).to_string().contains("between the bounds 0 and 1"));
+    assert!(refused(&model, &outside).to_string().contains("its bounds are 0 and 1"));
     let options = Options { radius: 0.0, ..Options::default() };
     let error = nonlinear_least_squares(&model, &parameters(&[("a", 1.0)]), &source, &options, &Silent);
     assert!(matches!(error, Err(EstimateError::Option { .. })));

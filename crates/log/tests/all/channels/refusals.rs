@@ -55,7 +55,10 @@ fn request_without_columns_is_refused() {
     for base in [None, Some(Base::Rate(10.0))] {
         let mut selection = Selection::default();
         selection.join.base = base;
-        holds(&open(&[&path], &selection).unwrap_err().to_string(), &["run.mcap", "without a named column", "info --values"]);
+        holds(
+            &open(&[&path], &selection).unwrap_err().to_string(),
+            &["run.mcap", "without a named column", "info --values"],
+        );
     }
 }
 
