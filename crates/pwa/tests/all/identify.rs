@@ -322,7 +322,7 @@ fn a_note_reports_a_model_no_better_than_the_mean() {
     let notes_of_noise = notes("average", &noise);
     assert!(notes_of_noise.len() == 1 && notes_of_noise[0].starts_with("average "), "{notes_of_noise:?}");
     let many = notes("kmeans:40", &noise);
-    assert!(many.len() == 1 && many[0].starts_with("kmeans:40 predicts rows"), "{many:?}");
+    assert!(many.len() == 1 && many[0].starts_with("kmeans:40 predicts held-out rows"), "{many:?}");
     assert!(notes("null", &noise).is_empty());
     assert!(notes("average,kmeans:2", &hybrid(2000, 4, 0.1, 8)).is_empty());
 }
