@@ -72,5 +72,5 @@ fn what_is_lost_is_told() {
     let said = fleetfoot(folder.path(), &["info", "run.ulg"]).ok().out;
     assert!(said.contains("1 dropout of 0.04 s") && said.contains("metadata: 10 values"), "{said}");
     fs::write(folder.path().join("run.ulg"), "t,x\n0,1\n").unwrap();
-    fleetfoot(folder.path(), &["info", "run.ulg"]).fails(&["run.ulg", "no ULog file", "text"]);
+    fleetfoot(folder.path(), &["info", "run.ulg"]).fails(&["run.ulg", "the content is not ULog", "text"]);
 }
