@@ -234,7 +234,7 @@ mod tests {
             &["a.mcap"],
             "  storage_identifier: mcap\n  compression_mode: MESSAGE\n  relative_file_paths: [a.mcap]\n",
         );
-        assert!(message(&folder).contains("by itself"));
+        assert!(message(&folder).contains("one by one"));
         assert!(message(&bag(&[], "  storage_identifier: mcap\n")).contains("names no file"));
         for nested in [
             "  other: {a: {storage_identifier: db}, [x]: 1}\n",

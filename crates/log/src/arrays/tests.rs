@@ -81,9 +81,9 @@ fn clocks_kinds_and_what_is_left_out() {
     let note = |info: &crate::FileInfo, words: &[&str]| {
         assert!(info.notes.iter().any(|note| words.iter().all(|word| note.contains(word))), "{:?}", info.notes);
     };
-    note(&info, &["not 40 rows", "gain (one value)", "short (5)"]);
+    note(&info, &["not have 40 rows", "gain (one value)", "short (5)"]);
     let info = inspect(fixture("packed.mat")).unwrap();
-    note(&info, &["not 40 rows", "mass (1 x 1)", "inertia (3 x 3)", "log.dt (1 x 1)"]);
+    note(&info, &["not have 40 rows", "mass (1 x 1)", "inertia (3 x 3)", "log.dt (1 x 1)"]);
     note(&info, &["not arrays of numbers", "cells (a cell array)", "log.title (a text)"]);
     let kind = |name: &str| info.columns.iter().find(|column| column.name == name).unwrap().kind.clone();
     assert_eq!(["t", "on", "counts"].map(kind), [ColumnKind::Float, ColumnKind::Boolean, ColumnKind::Integer]);
