@@ -223,7 +223,10 @@ fn labels_that_are_missing_and_labels_of_few_rows_are_told() {
     let told = run("fit pwa log.stats --partition average,labels:mode -o p.json");
     assert!(told.contains("labels:mode: 60 of 599 rows have no label"), "{told}");
     let told = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode -o r.json");
-    assert!(told.contains("labels:mode: 1 of 2 regions (the first: 7) have fewer rows than the 3 coefficients"), "{told}");
+    assert!(
+        told.contains("labels:mode: 1 of 2 regions (the first: 7) have fewer rows than the 3 coefficients"),
+        "{told}"
+    );
     let pulled =
         run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode --shrinkage 5 -o r.json");
     assert!(!pulled.contains("fewer rows"), "{pulled}");

@@ -35,7 +35,7 @@ fn letters_of_dataflash_with_their_factors_and_units() {
     assert!(codec.value(&message[..message.len() - 1]).is_err());
     let error = |path: &str| codec.compile(&[path.parse().unwrap()]).err().unwrap().to_string();
     assert!(error("Tmp").contains("nearest is `Temp`") && error("A").contains("an array"), "{}", error("A"));
-    assert!(error("A[32]").contains("not a field"));
+    assert!(error("A[32]").contains("no field"));
     let unknown = crate::codec("dataflash", Some(("X", "dataflash", b"a\t?\t\t\n"))).err().unwrap().to_string();
     assert!(unknown.contains("the type `?` of `a`"), "{unknown}");
 }

@@ -20,7 +20,7 @@ _ROUTINE = re.compile(
     "|".join(
         [
             "(is|are) taken as the time",
-            "(^|: )the rows are the messages of",
+            "(^|: )one row per message of",
             "(^|: )stamps are the",
             "the rows have no time stamps: they are taken in their order",
             "its columns are separated by",

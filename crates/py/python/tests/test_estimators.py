@@ -56,7 +56,7 @@ def test_defaults_are_those_that_the_commands_tell(found):
         ff.BlockSparse: ("sparse", "sparse"),
     }[found]
     reference = (CHECKOUT / "docs" / "reference" / "cli.md").read_text()
-    own = reference.split(f"## fleetfoot fit {command}\n")[1].split("\n## ")[0]
+    own = reference.split(f"## fleetfoot fit {command}\n")[1].split("\n## ")[0].replace("\n  ", " ")
     told = {flag.replace("-", "_"): text for flag, text in re.findall(r"^- `(?:-\w, )?--([\w-]+).*?default: (.*?)(?:[;,)]|\.(?!\d))", own, re.M)}
     params, compared = found().get_params(), 0
     for entry in dict(_core.settings())[section]:

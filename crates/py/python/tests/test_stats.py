@@ -154,7 +154,7 @@ def test_what_is_selected_is_a_scan_of_it(files: list[str], plan: ff.Plan) -> No
 
 def test_a_selection_that_matches_nothing_says_what_there_is(files: list[str], plan: ff.Plan) -> None:
     stats = scanned(plan, files)
-    with pytest.raises(StatisticError, match="'flight_7.csv' matches no episode; the statistic has .*flight_0.csv"):
+    with pytest.raises(StatisticError, match="'flight_7.csv' matches no episode; there is .*flight_0.csv"):
         stats.select("flight_7.csv")
     with pytest.raises(StatisticError, match="aircraft = '9' matches no episode; of values there is 1, 2"):
         stats.drop(where={"aircraft": 9})

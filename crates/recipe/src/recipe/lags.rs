@@ -135,7 +135,7 @@ mod tests {
         }
         for (text, word) in [
             ("{ last = 5, every = 0 }", "50:5"),
-            ("{ last = 5, every = 6 }", "none"),
+            ("{ last = 5, every = 6 }", "no row"),
             ("{ last = 5 }", "every"),
             ("\"5:x\"", "`x`"),
             ("2000000", "1000000"),

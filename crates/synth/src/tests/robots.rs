@@ -110,7 +110,9 @@ fn worlds_excite_and_set_speeds() {
         for kind in fleetfoot_sim::Excitation::KINDS.iter().filter(|_| world.excitable()) {
             let mut excited = world.clone();
             excited.excite(kind).unwrap();
-            assert!(excited.to_toml().contains(&format!("kind = \"{kind}\"")), "{}", excited.to_toml());
+            // The stage leaves out the excitation that is none.
+            let is_written = excited.to_toml().contains(&format!("kind = \"{kind}\""));
+            assert!(is_written || *kind == "none", "{}", excited.to_toml());
             assert_eq!(world.parse(&excited.to_toml(), "again").unwrap().to_toml(), excited.to_toml());
         }
         let columns: Vec<String> = world.scenario().unwrap().columns().into_iter().map(|column| column.name).collect();
