@@ -52,7 +52,7 @@ def _missing(path: str, package: str, kind: str) -> DataError:
 def _arrow(path: str) -> Any:
     """An Arrow file (Feather), of either version, or a stream."""
     try:
-        import pyarrow as pa
+        import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
         from pyarrow import feather
     except ImportError:
         raise _missing(path, "pyarrow", "Arrow") from None
@@ -80,7 +80,7 @@ def _arrays(path: str, *, matlab: bool) -> dict[str, np.ndarray]:
     MATLAB writes the transpose of its matrices, and marks texts.
     """
     try:
-        import h5py
+        import h5py  # type: ignore[import-untyped, unused-ignore]
     except ImportError:
         raise _missing(path, "h5py", "a MATLAB file of version 7.3" if matlab else "HDF5") from None
     try:
