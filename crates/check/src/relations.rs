@@ -160,7 +160,7 @@ pub fn correlations(
 /// Rows that are read at once.
 const BLOCK: usize = 65_536;
 
-/// How far a response differs from its reference when it is shifted by up to `reach` rows either way, within episodes.
+/// Lag curve: differences between a response and its reference at shifts of up to `reach` rows either way, within episodes.
 ///
 /// # Errors
 /// An unknown column, or episodes that are shorter than the reach. Those of the recipe and of reading.

@@ -1,4 +1,4 @@
-//! Whether a network reads past rows: simulations of rows that did not train decide, not one-step errors, which nearly always like them.
+//! Choice of a network's past rows by simulations of held-out rows. One-step errors nearly always favour past rows.
 
 use fleetfoot_data::{Cancelled, Progress, setting::LAGS};
 use fleetfoot_dynamics::{RolloutOptions, Starts};

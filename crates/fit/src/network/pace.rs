@@ -1,4 +1,4 @@
-//! How long trainings take on this machine, measured on the first rows. It is printed, and decides nothing.
+//! Time of trainings on this machine, measured on the first rows. The progress line shows it; no choice depends on it.
 
 use std::time::Instant;
 

@@ -72,11 +72,11 @@ pub struct LagChoice {
     pub without: Vec<f64>,
     /// The same with them.
     pub with: Vec<f64>,
-    /// Whether the written model reads past rows.
+    /// True if the written model reads past rows.
     pub chosen: bool,
     /// Error of simulations of the training rows by the written model, in the same unit.
     pub written: f64,
-    /// Whether simulations of the training rows chose its hidden layers, among those of all rows and of the folds, and its ridge.
+    /// True if simulations of the training rows chose the hidden layers (of all rows, or of a fold) and the ridge.
     pub anew: bool,
 }
 

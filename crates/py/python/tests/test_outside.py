@@ -46,7 +46,7 @@ def hdf5(path):
 
 
 def matlab(path):
-    """What `save -v7.3` writes: MATLAB's head, transposed matrices and marked texts."""
+    """A file as `save -v7.3` writes it: MATLAB's head, transposed matrices and marked texts."""
     own = arrays()
     with h5py.File(path, "w", userblock_size=512) as file:
         file["t"] = own["t"][None, :]
