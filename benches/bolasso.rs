@@ -54,36 +54,36 @@ fn main() -> Result<(), Box<dyn Error>> {
         BootstrapOptions { replicates: REPLICATES, seed: SEED, threshold: 0.9, ..BootstrapOptions::new(lambda) };
 
     println!("\nrow bootstrap, {REPLICATES} replicates, lambda = {lambda:.3e}; seconds, best of 3");
-    let (seconds, found) = best_of(3, || row_bootstrap(&plan, &assembly, &source, &options, &Silent));
-    let found = found?;
+    let (seconds, selection) = best_of(3, || row_bootstrap(&plan, &assembly, &source, &options, &Silent));
+    let selection = selection?;
     let rss = peak_rss_mib();
-    report("fleetfoot", seconds, &found);
+    report("fleetfoot", seconds, &selection);
     floor(seconds);
     println!(
         "peak memory {rss:.0} MiB, of which {:.0} MiB are the flights",
         (source.rows() * Flight::columns().len() * 8) as f64 / 1048576.0
     );
-    peers(&regression, &assembly, &source, &found, seconds, lambda)?;
+    peers(&regression, &assembly, &source, &selection, seconds, lambda)?;
 
     println!("\nscan of the same rows {scan_seconds:.3} s");
     let options = BootstrapOptions { replicates: 1000, ..options };
-    let (seconds, found) = best_of(3, || {
+    let (seconds, selection) = best_of(3, || {
         let banks = Banks::new(&scanned, |_| true);
         block_bootstrap(&regression.structure(), &banks, &assembly, BootstrapUnit::Episode, &options, &Silent)
     });
-    report("1,000 episode replicates", seconds, &found?);
+    report("1,000 episode replicates", seconds, &selection?);
     println!("share of the scan's time {:.3}", seconds / scan_seconds);
     Ok(())
 }
 
-fn report(name: &str, seconds: f64, found: &Selection) {
-    let mean = found.sizes.iter().sum::<usize>() as f64 / found.sizes.len() as f64;
+fn report(name: &str, seconds: f64, selection: &Selection) {
+    let mean = selection.sizes.iter().sum::<usize>() as f64 / selection.sizes.len() as f64;
     println!(
         "{name:<26} {seconds:>8.3} s  selects {mean:.1} on average, {} in 90 %, {} in all; kkt {:.1e}, {} stalled",
-        found.support.len(),
-        found.support(1.0).len(),
-        found.worst_kkt,
-        found.stalled
+        selection.support.len(),
+        selection.support(1.0).len(),
+        selection.worst_kkt,
+        selection.stalled
     );
 }
 
@@ -151,7 +151,7 @@ fn peers(
     regression: &Regression,
     assembly: &Assembly,
     source: &MemorySource,
-    found: &Selection,
+    selection: &Selection,
     seconds: f64,
     lambda: f64,
 ) -> Result<(), Box<dyn Error>> {
@@ -172,9 +172,9 @@ fn peers(
                 let (mut apart, mut other) = (0.0_f64, 0);
                 for (replicate, theirs) in coefficients.chunks_exact(p).enumerate() {
                     for j in 0..p {
-                        let ours = found.coefficients[(replicate, j)];
+                        let ours = selection.coefficients[(replicate, j)];
                         let largest =
-                            (0..TIMED).map(|k| found.coefficients[(k, j)].abs()).fold(theirs[j].abs(), f64::max);
+                            (0..TIMED).map(|k| selection.coefficients[(k, j)].abs()).fold(theirs[j].abs(), f64::max);
                         apart = apart.max((ours - theirs[j]).abs() / largest.max(f64::MIN_POSITIVE));
                         other += usize::from((ours != 0.0) != (theirs[j] != 0.0));
                     }

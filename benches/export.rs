@@ -197,10 +197,10 @@ fn program(model: &Model) -> String {
     if inputs > 0 {
         let _ = writeln!(text, "static const double u[{inputs}] = {{{}}};", list(inputs, input));
     }
-    let given = if inputs > 0 { "&m, u, " } else { "&m, " };
+    let arguments = if inputs > 0 { "&m, u, " } else { "&m, " };
     let _ = write!(
         text,
-        "int main(void)\n{{\n    model_model m;\n    double best = 1e30;\n    for (int run = 0; run < 5; ++run) {{\n        struct timespec a, b;\n        clock_gettime(CLOCK_MONOTONIC, &a);\n        for (int start = 0; start < {STARTS}; ++start) {{\n            model_init(&m, x0);\n            for (int k = 0; k < {STEPS}; ++k) {{\n                if (model_step({given}{DT:?}) <= MODEL_NOT_FINITE) {{\n                    return 1;\n                }}\n            }}\n        }}\n        clock_gettime(CLOCK_MONOTONIC, &b);\n        const double s = (double)(b.tv_sec - a.tv_sec) + 1e-9 * (double)(b.tv_nsec - a.tv_nsec);\n        best = s < best ? s : best;\n    }}\n    printf(\"%.3f\\n\", best * 1e9 / {STARTS}.0 / {STEPS}.0);\n    for (int i = 0; i < {states}; ++i) {{\n        printf(\"%.17g\\n\", m.x[i]);\n    }}\n    return 0;\n}}\n"
+        "int main(void)\n{{\n    model_model m;\n    double best = 1e30;\n    for (int run = 0; run < 5; ++run) {{\n        struct timespec a, b;\n        clock_gettime(CLOCK_MONOTONIC, &a);\n        for (int start = 0; start < {STARTS}; ++start) {{\n            model_init(&m, x0);\n            for (int k = 0; k < {STEPS}; ++k) {{\n                if (model_step({arguments}{DT:?}) <= MODEL_NOT_FINITE) {{\n                    return 1;\n                }}\n            }}\n        }}\n        clock_gettime(CLOCK_MONOTONIC, &b);\n        const double s = (double)(b.tv_sec - a.tv_sec) + 1e-9 * (double)(b.tv_nsec - a.tv_nsec);\n        best = s < best ? s : best;\n    }}\n    printf(\"%.3f\\n\", best * 1e9 / {STARTS}.0 / {STEPS}.0);\n    for (int i = 0; i < {states}; ++i) {{\n        printf(\"%.17g\\n\", m.x[i]);\n    }}\n    return 0;\n}}\n"
     );
     text
 }

@@ -126,7 +126,7 @@ fn main() {
         best_of(2, || with_threads(2, || identify(&problem, &options, &source, &Silent).expect("a model")));
     println!("{:<34}{seconds:>10.2}{:>12.0}", "fleetfoot, 2 threads", peak_rss_mib());
     let stages = Stages(Mutex::new(Vec::new()));
-    let (_, found) =
+    let (_, fitted) =
         best_of(1, || with_threads(2, || identify(&problem, &options, &source, &stages).expect("a model")));
     stages.stage("end");
     for pair in stages.0.lock().expect("no panic elsewhere").windows(2) {
@@ -144,7 +144,7 @@ fn main() {
             );
             println!("ratio {:.1}", theirs / seconds);
             let expected = read_f64(&losses).expect("the peer's losses");
-            let score = &found.candidates[0];
+            let score = &fitted.candidates[0];
             let mut worst = 0.0f64;
             for (ours, theirs) in score.losses.iter().zip(&expected) {
                 worst = worst.max((ours - theirs).abs() / theirs);

@@ -105,7 +105,7 @@ struct Body {
 impl Body {
     fn new(seconds: f64) -> Self {
         let (mut noise, rows) = (Noise(Pcg64::seed_from_u64(1)), (1000.0 * seconds) as usize + 1);
-        let mut own = Self {
+        let mut body = Self {
             times: Vec::with_capacity(rows),
             rates: Vec::with_capacity(rows),
             forces: Vec::with_capacity(rows),
@@ -122,18 +122,18 @@ impl Body {
                 noise.three(NOISE.imu.gyro[0] * 1000.0_f64.sqrt()),
                 noise.three(NOISE.imu.accelerometer[0] * 1000.0_f64.sqrt()),
             );
-            own.times.push(t);
-            own.rates.push([0, 1, 2].map(|i| rate(t)[i] + gyro[i] + [0.02, -0.03, 0.01][i]));
-            own.forces.push([0, 1, 2].map(|i| force[i] + scattered[i] + [0.1, -0.2, 0.05][i]));
+            body.times.push(t);
+            body.rates.push([0, 1, 2].map(|i| rate(t)[i] + gyro[i] + [0.02, -0.03, 0.01][i]));
+            body.forces.push([0, 1, 2].map(|i| force[i] + scattered[i] + [0.1, -0.2, 0.05][i]));
             let at = t + 0.0043;
             if row % 10 == 5 && at < seconds - 0.1 {
                 let (off, e) = (noise.three(NOISE.position), noise.three(0.5 * NOISE.attitude));
                 let place = AXES.map(|[size, rate, phase]| size * (rate * at + phase).sin());
                 let [x, y, z, w] = attitude(at);
-                own.stamps.push(at);
-                own.positions.push([0, 1, 2].map(|i| place[i] + off[i]));
+                body.stamps.push(at);
+                body.positions.push([0, 1, 2].map(|i| place[i] + off[i]));
                 // q (1, e), normalised by whoever reads it.
-                own.attitudes.push([
+                body.attitudes.push([
                     x + w * e[0] + y * e[2] - z * e[1],
                     y + w * e[1] + z * e[0] - x * e[2],
                     z + w * e[2] + x * e[1] - y * e[0],
@@ -141,7 +141,7 @@ impl Body {
                 ]);
             }
         }
-        own
+        body
     }
 
     fn run(&self) -> BodyRun<'_> {
@@ -152,7 +152,7 @@ impl Body {
     }
 }
 
-/// Nothing is known of the constants.
+/// A fusion in which all constants are unknown.
 fn unknown() -> FuseOptions {
     let deviation = f64::INFINITY;
     FuseOptions {
@@ -182,7 +182,7 @@ impl Checkpoint for Kept {
 
     fn save(&mut self, state: &[u8]) {
         let beside = self.0.with_extension("new");
-        // What cannot be written is begun anew after a kill.
+        // A file that cannot be written is begun anew after a kill.
         let _ = fs::write(&beside, state).and_then(|()| fs::rename(&beside, &self.0));
     }
 }
@@ -209,10 +209,10 @@ fn digest(fused: &Fused) -> u64 {
         .fold(0, |hash, word| mix(hash ^ word))
 }
 
-fn told(what: &str, sweeps: usize, whole: f64, cpu: f64, records: f64) {
+fn print_sweeps(name: &str, sweeps: usize, whole: f64, cpu: f64, records: f64) {
     let peak = peak_rss_mib();
     println!(
-        "{what:<6} {:>6.1} s a sweep ({:.1} s of the processor), {:>5.0} times real time; {sweeps} sweeps and deviations {whole:.0} s; peak {:.0} MiB above the records, which are {records:.0}",
+        "{name:<6} {:>6.1} s a sweep ({:.1} s of the processor), {:>5.0} times real time; {sweeps} sweeps and deviations {whole:.0} s; peak {:.0} MiB above the records, which are {records:.0}",
         whole / sweeps as f64,
         cpu / sweeps as f64,
         HOUR * sweeps as f64 / whole,
@@ -233,8 +233,8 @@ fn hour_of_body(folder: &Path, threads: usize) -> Result<(), Box<dyn Error>> {
         println!("       killed and gone on from what was kept, on {threads} threads: {whole:.0} s more");
         return Ok(());
     }
-    // What comes after the last step is as much work as one.
-    told("body", fused.steps + 1, whole, cpu, records);
+    // The work after the last step equals that of one step.
+    print_sweeps("body", fused.steps + 1, whole, cpu, records);
     let (poses, offset) = (fused.tracks[0].states.len(), fused.constants.offset);
     if let Some(rate) = fma_rate() {
         let multiplied = 2e5 * poses as f64 * (fused.steps + 1) as f64;
@@ -253,7 +253,7 @@ fn hour_of_joint() -> Result<(), Box<dyn Error>> {
     let record = JointRecord { times: &times, values: &values };
     let options = JointOptions::new(vec![JointSensor::new(Quantity::Position)]);
     let fused = with_threads(1, || fuse_joint(&[JointRun { records: vec![record], at: &times }], &options))?;
-    told("joint", fused.rounds + 2, start.elapsed().as_secs_f64(), cpu_seconds() - before, records);
+    print_sweeps("joint", fused.rounds + 2, start.elapsed().as_secs_f64(), cpu_seconds() - before, records);
     println!("       converged: {}; noise {:.3e}, 1e-3 is true", fused.converged, fused.sensors[0].noise);
     Ok(())
 }
@@ -293,11 +293,11 @@ fn hours() -> Result<(), Box<dyn Error>> {
 }
 
 /// The greatest difference of the states, in deviations, of nodes that both have, and that of the deviations, as a share of them.
-fn apart(fused: &Fused, found: &[f64]) -> ([f64; 5], f64) {
+fn apart(fused: &Fused, reference: &[f64]) -> ([f64; 5], f64) {
     let (mut most, mut deviations) = ([0.0_f64; 5], 0.0_f64);
-    for (state, row) in fused.tracks[0].states.iter().zip(found.chunks_exact(31).skip(fused.tracks[0].first)) {
-        for (own, theirs) in state.deviations.iter().zip(&row[16..]) {
-            deviations = deviations.max((own / theirs - 1.0).abs());
+    for (state, row) in fused.tracks[0].states.iter().zip(reference.chunks_exact(31).skip(fused.tracks[0].first)) {
+        for (deviation, theirs) in state.deviations.iter().zip(&row[16..]) {
+            deviations = deviations.max((deviation / theirs - 1.0).abs());
         }
         let [x, y, z, w] = state.attitude;
         let q: [f64; 4] = std::array::from_fn(|i| row[i]);
@@ -361,10 +361,10 @@ fn beside_gtsam(folder: &Path) -> Result<(), Box<dyn Error>> {
     match peer("fusion.py", &[folder, Path::new("gtsam")]) {
         Err(reason) => println!("gtsam              absent: {reason}"),
         Ok(answer) => {
-            for (at, what) in ["states", "states and deviations"].into_iter().enumerate() {
+            for (at, content) in ["states", "states and deviations"].into_iter().enumerate() {
                 let [theirs, used] = ["seconds", "processor"].map(|of| answer[of][at].as_f64().unwrap_or(f64::NAN));
                 println!(
-                    "gtsam {:<12} {theirs:>9.3} s, {used:.3} s of the processor; {what}, {} steps, {:.1} times ours, {:.1} by the clock",
+                    "gtsam {:<12} {theirs:>9.3} s, {used:.3} s of the processor; {content}, {} steps, {:.1} times ours, {:.1} by the clock",
                     answer["version"].as_str().unwrap_or_default(),
                     answer["steps"],
                     used / processor,
@@ -412,7 +412,7 @@ fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
         Err(reason) => println!("filterpy           absent: {reason}"),
         Ok(answer) => {
             let [theirs, used] = ["seconds", "processor"].map(|of| answer[of][0].as_f64().unwrap_or(f64::NAN));
-            let found = read_f64(&folder.join("found.f64"))?;
+            let reference = read_f64(&folder.join("found.f64"))?;
             let states = &fused.runs[0];
             let off = |(row, theirs): (usize, &[f64])| {
                 let of = |k: usize| {
@@ -421,7 +421,7 @@ fn beside_filterpy(folder: &Path) -> Result<(), Box<dyn Error>> {
                 };
                 (0..3).map(of).fold(0.0, f64::max)
             };
-            let apart = found.chunks_exact(6).enumerate().map(off).fold(0.0, f64::max);
+            let apart = reference.chunks_exact(6).enumerate().map(off).fold(0.0, f64::max);
             println!(
                 "filterpy {:<9} {theirs:>9.4} s, {used:.4} s of the processor; {:.0} times ours, {:.0} by the clock; {apart:.1e} deviations apart at most",
                 answer["version"].as_str().unwrap_or_default(),
@@ -446,7 +446,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("fusion, one core");
     // `cargo bench --bench fusion -- peers` leaves the hours out, `-- hours` the peers.
-    let asks = |what: &str| words.iter().any(|word| word == what);
+    let asks = |name: &str| words.iter().any(|word| word == name);
     if !asks("peers") {
         hours()?;
     }

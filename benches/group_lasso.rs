@@ -70,22 +70,22 @@ fn main() -> Result<(), Failure> {
     let (pass, problem) = best_of(REPEATS, || pose(&rows));
     let problem = problem?;
     let lambdas = estimator.lambda_grid(&problem, &penalty, LAMBDAS, RATIO)?;
-    let (path, found) = best_of(REPEATS, || estimator.solutions(&problem, &penalty, &lambdas));
-    let found = found?;
+    let (path, solutions) = best_of(REPEATS, || estimator.solutions(&problem, &penalty, &lambdas));
+    let solutions = solutions?;
     let (whole, again) = best_of(REPEATS, || {
         let problem = pose(&rows)?;
         let lambdas = estimator.lambda_grid(&problem, &penalty, LAMBDAS, RATIO)?;
         Ok::<_, Failure>(estimator.solutions(&problem, &penalty, &lambdas)?)
     });
-    if again? != found {
+    if again? != solutions {
         return Err("two runs have not the same bits".into());
     }
-    let worst = |value: fn(&Solution) -> f64| found.iter().map(value).fold(0.0, f64::max);
-    let (kkt, gap) = (worst(|found| found.certificate.kkt), worst(|found| found.certificate.gap));
+    let worst = |value: fn(&Solution) -> f64| solutions.iter().map(value).fold(0.0, f64::max);
+    let (kkt, gap) = (worst(|solution| solution.certificate.kkt), worst(|solution| solution.certificate.gap));
     println!("fleetfoot              {whole:>8.3} s   (pass {pass:.3}, path {path:.3}), kkt {kkt:.1e}, gap {gap:.1e}");
     println!(
         "    {} groups at the last lambda, peak memory {:.0} MiB",
-        found[LAMBDAS - 1].support.len() / GROUP,
+        solutions[LAMBDAS - 1].support.len() / GROUP,
         peak_rss_mib()
     );
     if !(kkt < 1e-9 && gap < 1e-9) {
@@ -103,7 +103,7 @@ fn main() -> Result<(), Failure> {
                 let version = answer["version"].as_str().unwrap_or_default();
                 println!("adelie {version}, tol {tolerance:<6} {seconds:>8.3} s   {:.1} times ours", seconds / whole);
                 let theirs = read_f64(&folder.path().join("coefficients.f64"))?;
-                check(&lasso, &problem, &found, &theirs, tolerance == "1e-12")?;
+                check(&lasso, &problem, &solutions, &theirs, tolerance == "1e-12")?;
             }
         }
     }
@@ -128,8 +128,8 @@ fn check(
         let support: Vec<usize> = (0..COLUMNS).filter(|&j| theirs[j] != 0.0).collect();
         same += usize::from(support == ours.support);
         let largest = ours.coefficients.iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
-        let found = (0..COLUMNS).map(|j| (theirs[j] - ours.coefficient(j)).abs() / largest).fold(0.0, f64::max);
-        apart = apart.max(if ours.support.is_empty() { 0.0 } else { found });
+        let difference = (0..COLUMNS).map(|j| (theirs[j] - ours.coefficient(j)).abs() / largest).fold(0.0, f64::max);
+        apart = apart.max(if ours.support.is_empty() { 0.0 } else { difference });
         let certificate = lasso.certificate(problem, &Penalty::default(), ours.l1, theirs)?;
         (kkt, gap) = (kkt.max(certificate.kkt), gap.max(certificate.gap));
     }

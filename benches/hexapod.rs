@@ -76,10 +76,10 @@ fn physics() -> Result<(), Box<dyn Error>> {
         "{:<22} {:>10} {:>8} {:>11} {:>10} {:>9}",
         "", "steps/s", "ratio", "walked [m]", "height [mm]", "peak MiB"
     );
-    let row = |what: &str, seconds: f64, ratio: f64, walk: &Walk, peak: f64| {
+    let row = |label: &str, seconds: f64, ratio: f64, walk: &Walk, peak: f64| {
         let rate = STEPS as f64 / seconds;
         println!(
-            "{what:<22} {rate:>10.0} {ratio:>8.2} {:>11.4} {:>10.3} {peak:>9.0}",
+            "{label:<22} {rate:>10.0} {ratio:>8.2} {:>11.4} {:>10.3} {peak:>9.0}",
             walk.distance,
             1e3 * walk.height
         );
@@ -170,9 +170,9 @@ fn rows() -> Result<(), Box<dyn Error>> {
     let threads = thread_count();
     println!("\ngenerate hexapod, {RUNS} runs of {SECONDS} s, {threads} threads");
     println!("{:<34} {:>9} {:>15} {:>9}", "", "rows/s", "us/row a thread", "peak MiB");
-    let row = |what: &str, rows: u64, seconds: f64| {
+    let row = |label: &str, rows: u64, seconds: f64| {
         let each = 1e6 * seconds * threads as f64 / rows as f64;
-        println!("{what:<34} {:>9.0} {each:>15.2} {:>9.0}", rows as f64 / seconds, peak_rss_mib());
+        println!("{label:<34} {:>9.0} {each:>15.2} {:>9.0}", rows as f64 / seconds, peak_rss_mib());
     };
     let scenario = HexapodTreadmill::default();
     let (seconds, counted) = best_of(2, || {

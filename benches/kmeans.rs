@@ -34,9 +34,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("k-means, {N} x {D}, K = {K}, {ITERATIONS} iterations, {} threads", thread_count());
     println!("f64 products of faer on all threads: {rate:.1} GFMA/s");
     // Cargo hands its own arguments over; names choose cases.
-    let wanted: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    let selected: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
     for (name, rows) in [("gaits", gaits as fn() -> Vec<Vec<f64>>), ("blobs", blobs), ("noise", noise)] {
-        if wanted.is_empty() || wanted.iter().any(|wanted| wanted == name) {
+        if selected.is_empty() || selected.iter().any(|selected| selected == name) {
             case(name, rows(), rate)?;
         }
     }
@@ -114,9 +114,9 @@ fn fit(points: &Points, start: &[f64]) -> Result<Line, Box<dyn Error>> {
     reset_peak_rss();
     let options = KMeansOptions { k: K, max_iterations: ITERATIONS, tolerance: 0.0 };
     let busy = cpu_seconds();
-    let (seconds, found) = best_of(REPEATS, || kmeans(points, Start::Centroids(start), &options, &Silent));
+    let (seconds, clustering) = best_of(REPEATS, || kmeans(points, Start::Centroids(start), &options, &Silent));
     let cpu = (cpu_seconds() - busy) / REPEATS as f64;
-    let found = found?;
+    let clustering = clustering?;
     // Without iterations what remains is the seeding and one assignment.
     let none = KMeansOptions { max_iterations: 0, ..options };
     let seeded = Start::PlusPlus { seed: 1, restarts: 1 };
@@ -128,10 +128,10 @@ fn fit(points: &Points, start: &[f64]) -> Result<Line, Box<dyn Error>> {
         seconds,
         cpu,
         seeding: both - assignment,
-        iterations: found.iterations as u64,
+        iterations: clustering.iterations as u64,
         peak: peak_rss_mib(),
-        inertia: found.inertia,
-        centroids: found.centroids,
+        inertia: clustering.inertia,
+        centroids: clustering.centroids,
     })
 }
 

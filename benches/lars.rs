@@ -63,12 +63,12 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
 
 fn path(data: &Data, folder: &Path) -> Result<(), Box<dyn Error>> {
     let (n, p) = (data.n, data.p);
-    let (seconds, found) =
+    let (seconds, solution) =
         best_of(REPEATS, || lars(&problem(data).expect("moments"), &Penalty::default(), &LarsOptions::default()));
-    let found = found?;
-    let worst = found.knots.iter().map(|knot| knot.certificate.kkt).fold(0.0, f64::max);
+    let solution = solution?;
+    let worst = solution.knots.iter().map(|knot| knot.certificate.kkt).fold(0.0, f64::max);
     println!("\nLARS (lasso), {p} columns: whole path");
-    println!("fleetfoot           {seconds:>9.4} s  {:>5} knots  kkt {worst:.1e}", found.knots.len());
+    println!("fleetfoot           {seconds:>9.4} s  {:>5} knots  kkt {worst:.1e}", solution.knots.len());
     let rows = faer::MatRef::from_row_major_slice(&data.rows, n, p);
     // The factor of the rows is the business of the scan: not timed.
     let problem = Quadratic::from_rows(rows, &data.y, None, false)?;
@@ -82,13 +82,13 @@ fn path(data: &Data, folder: &Path) -> Result<(), Box<dyn Error>> {
             let coefficients = read_f64(&folder.join("coefficients.f64"))?;
             let mut apart = 0.0_f64;
             for (alpha, theirs) in alphas.iter().zip(coefficients.chunks_exact(p)) {
-                apart = apart.max(difference(&found.coefficients(*alpha)?, theirs));
+                apart = apart.max(difference(&solution.coefficients(*alpha)?, theirs));
             }
             let (knots, ratio) = (alphas.len(), theirs / seconds);
             println!(
                 "scikit-learn {version}  {theirs:>9.4} s  {knots:>5} knots  {ratio:.1} times ours, {apart:.1e} apart"
             );
-            if apart > 1e-7 || knots != found.knots.len() {
+            if apart > 1e-7 || knots != solution.knots.len() {
                 return Err("the path is not that of scikit-learn".into());
             }
         }
@@ -101,11 +101,11 @@ fn descent(data: &Data, folder: &Path) -> Result<(), Box<dyn Error>> {
     let penalty = Penalty::default();
     let lambdas = lambda_grid(&problem(data)?, &penalty, 1.0, LAMBDAS, RATIO)?;
     let options = CoordinateOptions::default();
-    let (seconds, found) =
+    let (seconds, solutions) =
         best_of(REPEATS, || coordinate_descent(&problem(data).expect("moments"), &penalty, &lambdas, &options));
-    let found = found?;
+    let solutions = solutions?;
     let worst = |kkt: &mut dyn Iterator<Item = f64>| kkt.fold(0.0, f64::max);
-    let ours = worst(&mut found.iter().map(|solution| solution.certificate.kkt));
+    let ours = worst(&mut solutions.iter().map(|solution| solution.certificate.kkt));
     println!("\ncoordinate descent, {p} columns, {LAMBDAS} lambdas down to {RATIO} of the largest");
     println!("fleetfoot                      {seconds:>9.4} s  kkt {ours:.1e}");
     if ours > 1e-8 {
@@ -120,7 +120,7 @@ fn descent(data: &Data, folder: &Path) -> Result<(), Box<dyn Error>> {
                 let (mut apart, mut kkt) = (0.0_f64, 0.0_f64);
                 let problem = problem(data)?;
                 for (k, theirs) in coefficients.chunks_exact(p).enumerate() {
-                    apart = apart.max(difference(&found[k].dense(p), theirs));
+                    apart = apart.max(difference(&solutions[k].dense(p), theirs));
                     kkt = kkt.max(certificate(&problem, &penalty, Strength::lasso(lambdas[k]), theirs)?.kkt);
                 }
                 let ratio = theirs / seconds;

@@ -95,8 +95,8 @@ fn main() -> Result<(), Failure> {
 
 /// The centred Gram matrix of every fold, in one pass.
 fn scan(source: &MemorySource) -> Result<Vec<Gram>, Failure> {
-    let own = source.episodes().iter().map(|episode| (episode.id, episode.rows));
-    let layout = FoldLayout::new(FoldRule::Count(FOLDS.into()), own, Purge::Exactly(0))?;
+    let lengths = source.episodes().iter().map(|episode| (episode.id, episode.rows));
+    let layout = FoldLayout::new(FoldRule::Count(FOLDS.into()), lengths, Purge::Exactly(0))?;
     let chunks = Grid { chunk_rows: ROWS / usize::from(FOLDS) }.chunks_in(&layout, source.episodes());
     let mut folds = vec![Gram::new(COLUMNS + 1); usize::from(FOLDS)];
     reduce(
@@ -134,10 +134,10 @@ fn select(folds: &[Gram]) -> Result<Selected, Failure> {
     })?;
     let full = problem(&training[count])?;
     let options = SelectOptions { lambdas: Lambdas::Knots, ..SelectOptions::default() };
-    let found = cross_validate_problems((&full, &penalty), &splits, false, &options, &Silent)?;
+    let validated = cross_validate_problems((&full, &penalty), &splits, false, &options, &Silent)?;
     let path = lars(&full, &penalty, &LarsOptions::default())?;
-    let coefficients = path.coefficients(found.lambdas[found.best])?;
-    Ok(Selected { path, lambdas: found.lambdas, errors: found.mean, best: found.best, coefficients })
+    let coefficients = path.coefficients(validated.lambdas[validated.best])?;
+    Ok(Selected { path, lambdas: validated.lambdas, errors: validated.mean, best: validated.best, coefficients })
 }
 
 fn check(
@@ -151,7 +151,7 @@ fn check(
     let alpha = answer["alpha"].as_f64().unwrap_or(f64::NAN);
     let largest = ours.coefficients.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     let apart =
-        |found: &[f64]| coefficients.iter().zip(found).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max);
+        |values: &[f64]| coefficients.iter().zip(values).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max);
     let kkt = certificate(problem, &Penalty::default(), Strength::lasso(alpha), &coefficients)?.kkt;
     let same = apart(&ours.path.coefficients(alpha)?);
     println!("    at its lambda {alpha:.3e}: coefficients {same:.1e} apart, its kkt {kkt:.1e}");

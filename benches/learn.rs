@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let shape = Shape { inputs: INPUTS, hidden: vec![64, 64], activation: Activation::Tanh };
     let parameters = shape.initial(0);
     let (features, threads) = (shape.features(), thread_count() as f64);
-    let layers = [INPUTS * 64, 64 * 64].map(|own| own as f64);
+    let layers = [INPUTS * 64, 64 * 64].map(|weights| weights as f64);
     let output = (TARGETS * (INPUTS + features)) as f64;
     let products = 3.0 * (layers[0] + layers[1] + output) - layers[0];
     let width = (1 + INPUTS + features + TARGETS) as f64;
@@ -37,8 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     line("sums of the output layer", seconds, layers[0] + layers[1] + width * width);
     let tiles: Vec<usize> = (0..samples.tiles()).collect();
-    let (seconds, found) = best_of(3, || slope(&shape, &parameters, &solved, (&samples, &tiles), &Silent));
+    let (seconds, result) = best_of(3, || slope(&shape, &parameters, &solved, (&samples, &tiles), &Silent));
     line("values and gradient", seconds, products);
-    assert!(found?.loss.is_finite());
+    assert!(result?.loss.is_finite());
     Ok(())
 }

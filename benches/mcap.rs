@@ -62,8 +62,8 @@ fn main() -> Result<()> {
         .unwrap_or(300_000);
     let temporary = tempfile::tempdir()?;
     let folder = std::env::var_os("FLEETFOOT_BENCH_DIR").map_or_else(|| temporary.path().to_path_buf(), PathBuf::from);
-    let given = std::env::var_os("FLEETFOOT_BENCH_FILE").map(PathBuf::from);
-    let path = match &given {
+    let file = std::env::var_os("FLEETFOOT_BENCH_FILE").map(PathBuf::from);
+    let path = match &file {
         Some(path) => path.clone(),
         None => written(&folder, messages)?,
     };
@@ -85,7 +85,7 @@ fn main() -> Result<()> {
         against_decompression(&log, threads, repeats)?;
     }
     tell_memory(&log.path)?;
-    if given.is_none() {
+    if file.is_none() {
         tell_memory(&written(&folder, 3 * messages)?)?;
     }
     Ok(())
@@ -172,7 +172,7 @@ impl Log {
     }
 }
 
-/// Why a piece of parallel work failed.
+/// Failure of a piece of parallel work.
 struct Failed(String);
 
 impl From<Cancelled> for Failed {
@@ -256,8 +256,8 @@ fn compare(reader: &Messages, names: &[&str], theirs: &[f64], first: i64) -> Res
     reader.read(TOPIC, names, &Silent, |row| {
         let Some(theirs) = expected.next() else { return Ok(()) };
         let stamps = [row.header_stamp.unwrap_or(i64::MIN), row.log_time, row.publish_time];
-        let same_stamps = stamps.iter().zip(theirs).all(|(own, theirs)| own.wrapping_sub(first) as f64 == *theirs);
-        let same = row.values.iter().zip(&theirs[3..]).all(|(own, theirs)| own.to_bits() == theirs.to_bits());
+        let same_stamps = stamps.iter().zip(theirs).all(|(stamp, theirs)| stamp.wrapping_sub(first) as f64 == *theirs);
+        let same = row.values.iter().zip(&theirs[3..]).all(|(value, theirs)| value.to_bits() == theirs.to_bits());
         compared += 1;
         differing += usize::from(!(same && same_stamps));
         Ok(())
@@ -303,10 +303,10 @@ fn against_decompression(log: &Log, threads: usize, repeats: usize) -> Result<()
     for _ in 0..repeats {
         for ((name, work, expected), best) in ways.iter().zip(&mut best) {
             let start = Instant::now();
-            let found = with_threads(threads, work)?;
+            let counts = with_threads(threads, work)?;
             *best = best.min(start.elapsed().as_secs_f64());
-            if found != *expected {
-                return Err(format!("{name}: {found} where {expected} are in the file").into());
+            if counts != *expected {
+                return Err(format!("{name}: {counts} where {expected} are in the file").into());
             }
         }
     }
@@ -433,9 +433,10 @@ fn write(path: &Path, messages: usize) -> Result<()> {
             header: Header { stamp: Time::from_nanoseconds(stamp).ok_or("a stamp beyond 2038")?, frame_id: "imu_link" },
             orientation: [noise(1e-3), noise(1e-3), (0.5 * yaw).sin(), (0.5 * yaw).cos()],
             orientation_covariance: diagonal(1e-6),
-            angular_velocity: [0.0, 0.0, 2.1 * (0.7 * seconds).cos()].map(|own| rate(own, noise(0.012))),
+            angular_velocity: [0.0, 0.0, 2.1 * (0.7 * seconds).cos()].map(|value| rate(value, noise(0.012))),
             angular_velocity_covariance: diagonal(1e-4),
-            linear_acceleration: [0.0, 0.5 * (1.3 * seconds).sin(), 9.80665].map(|own| acceleration(own, noise(0.06))),
+            linear_acceleration: [0.0, 0.5 * (1.3 * seconds).sin(), 9.80665]
+                .map(|value| acceleration(value, noise(0.06))),
             linear_acceleration_covariance: diagonal(2.5e-3),
         };
         let delay = random.random_range(500_000..700_000);

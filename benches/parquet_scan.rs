@@ -98,11 +98,15 @@ fn full_fit(path: &Path) -> Result<()> {
     recipe.pwa.folds = Some(0);
     recipe.pwa.iterations = Some(25);
     let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), &[path.to_path_buf()], &Silent)?;
-    let found = &fitted.report.identification;
+    let identification = &fitted.report.identification;
     // The oscillations are smooth: their rates follow from the states but for the noise on both.
-    let regions: u64 = found.model.summaries[0].regions.iter().map(|region| region.rows).sum();
-    if regions != found.rows || !found.candidates[0].r2.iter().all(|r2| *r2 > 0.0 && *r2 <= 1.0) {
-        return Err(format!("{regions} of {} rows in regions, R2 {:?}", found.rows, found.candidates[0].r2).into());
+    let regions: u64 = identification.model.summaries[0].regions.iter().map(|region| region.rows).sum();
+    if regions != identification.rows || !identification.candidates[0].r2.iter().all(|r2| *r2 > 0.0 && *r2 <= 1.0) {
+        return Err(format!(
+            "{regions} of {} rows in regions, R2 {:?}",
+            identification.rows, identification.candidates[0].r2
+        )
+        .into());
     }
     Ok(())
 }

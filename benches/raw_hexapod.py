@@ -12,14 +12,14 @@ import pyarrow.parquet as parquet
 SEEDS, SECONDS, SPEED = range(1, 11), 120, 0.25
 # When the controller first switches the lamp.
 LAMP = 0.500_381_966
-# How far the clocks run from the controller's, which shows true time: those of the default world, s and s/s.
+# Offset and skew of the clocks in the default world against the controller's clock, which shows true time: s and s/s.
 ROBOT, MOCAP = (0.125, 25e-6), (-0.04, -10e-6)
 POSE, IMU, CRANK = "/mocap/pose.pose", "/imu/data", "/joint_states.position"
-# The unit says the mean force of the millisecond before its stamp.
+# The unit gives the mean force of the millisecond before its stamp.
 FORCE = f"{IMU}.linear_acceleration"
 QUATERNION = [f"{POSE}.orientation.{axis}" for axis in "xyzw"]
 
-# What takes the attitude before a sample to the one after it, in the trunk's axes: half the turn's tangent is x over w, whatever the signs of the quaternions. A component of the turn over two periods is the mean of that rate; of its
+# Turn from the attitude before a sample to the one after it, in the trunk's axes: half the turn's tangent is x over w, whatever the signs of the quaternions. A component of the turn over two periods is the mean of that rate; of its
 # size the mean is another one, and impacts, which turn the trunk there and back, are not alike forwards and backwards in time.
 BEFORE, AFTER = ({axis: f"{by}({POSE}.orientation.{axis}, 1)" for axis in "xyzw"} for by in ("lag", "lead"))
 TURN = {
@@ -101,7 +101,7 @@ channels = ["{CRANK}[{name}_crank]"]
 resolution = 3.835e-4
 """ for side, name in (("l", "left"), ("r", "right")))
 
-# What was known at the instant of a row.
+# Estimates by the readings up to the instant of a row.
 FILTER = BODY.replace("[body]", '[body]\nestimate = "filter"').replace('unit = "rad"', 'unit = "rad"\nestimate = "filter"')
 
 
@@ -137,57 +137,57 @@ def unwrapped(angle):
     return out
 
 
-def whole(time, own):
+def whole(time, columns):
     """Angles without their jumps, and what has no derivative of its own by differences."""
     for name in STATES:
-        if name in own:
-            own[name] = unwrapped(own[name]) if name in ANGLES else own[name]
-            own.setdefault(f"{name}_dot", change(time, own[name]))
-    return own
+        if name in columns:
+            columns[name] = unwrapped(columns[name]) if name in ANGLES else columns[name]
+            columns.setdefault(f"{name}_dot", change(time, columns[name]))
+    return columns
 
 
-def in_trunk(own, velocity, acceleration):
+def in_trunk(columns, velocity, acceleration):
     """Velocity and how it changes in the trunk's axes, of those in the world."""
-    to_trunk = rotation(own["roll"], own["pitch"], own["yaw"]).transpose(0, 2, 1)
+    to_trunk = rotation(columns["roll"], columns["pitch"], columns["yaw"]).transpose(0, 2, 1)
     velocity, acceleration = (np.einsum("nij,nj->ni", to_trunk, np.stack(list(v), 1)) for v in (velocity, acceleration))
-    acceleration -= np.cross(np.stack([own[f"w{axis}"] for axis in "xyz"], 1), velocity)
+    acceleration -= np.cross(np.stack([columns[f"w{axis}"] for axis in "xyz"], 1), velocity)
     for at, axis in enumerate("xyz"):
-        own[f"v{axis}"], own[f"v{axis}_dot"] = velocity[:, at], acceleration[:, at]
+        columns[f"v{axis}"], columns[f"v{axis}_dot"] = velocity[:, at], acceleration[:, at]
 
 
-def from_raw(time, own):
-    velocity = [change(time, own[axis]) for axis in "xyz"]
+def from_raw(time, columns):
+    velocity = [change(time, columns[axis]) for axis in "xyz"]
     for side in "lr":
-        own[f"alpha_{side}_rate"] = change(time, unwrapped(own[f"alpha_{side}"]))
-    in_trunk(own, velocity, [change(time, v) for v in velocity])
-    return whole(time, own)
+        columns[f"alpha_{side}_rate"] = change(time, unwrapped(columns[f"alpha_{side}"]))
+    in_trunk(columns, velocity, [change(time, v) for v in velocity])
+    return whole(time, columns)
 
 
-def from_spline(time, own):
-    in_trunk(own, [own[f"{axis}_dot"] for axis in "xyz"], [own[f"{axis}_ddot"] for axis in "xyz"])
-    cranks(own)
-    return whole(time, own)
+def from_spline(time, columns):
+    in_trunk(columns, [columns[f"{axis}_dot"] for axis in "xyz"], [columns[f"{axis}_ddot"] for axis in "xyz"])
+    cranks(columns)
+    return whole(time, columns)
 
 
-def cranks(own):
+def cranks(columns):
     """Rates and accelerations of the cranks by the names of the truth."""
     for side in "lr":
         for end in ("", "_deviation"):
-            own[f"alpha_{side}_rate{end}"] = own[f"alpha_{side}_dot{end}"]
-            if f"alpha_{side}_ddot{end}" in own:
-                own[f"alpha_{side}_rate_dot{end}"] = own[f"alpha_{side}_ddot{end}"]
+            columns[f"alpha_{side}_rate{end}"] = columns[f"alpha_{side}_dot{end}"]
+            if f"alpha_{side}_ddot{end}" in columns:
+                columns[f"alpha_{side}_rate_dot{end}"] = columns[f"alpha_{side}_ddot{end}"]
 
 
-def from_body(time, own):
-    velocity, acceleration = ([own[f"{kind}{axis}"] for axis in "xyz"] for kind in "va")
-    deviations = {f"v{axis}_deviation": own[f"v{axis}_deviation"] for axis in "xyz"}
+def from_body(time, columns):
+    velocity, acceleration = ([columns[f"{kind}{axis}"] for axis in "xyz"] for kind in "va")
+    deviations = {f"v{axis}_deviation": columns[f"v{axis}_deviation"] for axis in "xyz"}
     for axis in "xyz":
-        own[f"{axis}_dot"] = own[f"v{axis}"]
-    cranks(own)
-    in_trunk(own, velocity, acceleration)
-    # What is stated of a velocity is about the world's axes, of an attitude about the trunk's: near the middle of the belt and upright they are those of the trunk and the angles.
-    own |= deviations | {f"{angle}_deviation": own[f"attitude_{axis}_deviation"] for angle, axis in (("roll", "x"), ("pitch", "y"), ("yaw", "z"))}
-    return whole(time, own)
+        columns[f"{axis}_dot"] = columns[f"v{axis}"]
+    cranks(columns)
+    in_trunk(columns, velocity, acceleration)
+    # The deviation of a velocity is about the world's axes, of an attitude about the trunk's: near the middle of the belt and upright they are those of the trunk and the angles.
+    columns |= deviations | {f"{angle}_deviation": columns[f"attitude_{axis}_deviation"] for angle, axis in (("roll", "x"), ("pitch", "y"), ("yaw", "z"))}
+    return whole(time, columns)
 
 
 # Three numbers each whose stated deviations are held against their errors together.
@@ -195,7 +195,7 @@ BLOCKS = {
     "attitude": ("roll", "pitch", "yaw"), "position": ("x", "y", "z"), "velocity": ("vx", "vy", "vz"), "rate": ("wx", "wy", "wz"),
     "bias of the gyroscope": [f"gyro_bias_{axis}" for axis in "xyz"], "bias of the accelerometer": [f"accelerometer_bias_{axis}" for axis in "xyz"],
 }
-# What chi squared of three numbers stays below in 95 % of all cases.
+# The 95 % quantile of chi squared of three numbers.
 CHI_SQUARED = 7.815
 
 
@@ -203,18 +203,18 @@ class Truth:
     """The rows of truth of a seed."""
 
     def __init__(self, file):
-        self.time, own = read(file)
-        self.outliers = self.time[(own["mocap_outlier"] == 1.0) & (own["mocap_missing"] == 0.0)]
-        self.poses = int((own["mocap_missing"] == 0.0)[np.round(self.time * 1e3).astype(int) % 10 == 0].sum())
+        self.time, columns = read(file)
+        self.outliers = self.time[(columns["mocap_outlier"] == 1.0) & (columns["mocap_missing"] == 0.0)]
+        self.poses = int((columns["mocap_missing"] == 0.0)[np.round(self.time * 1e3).astype(int) % 10 == 0].sum())
         # The derivatives of the rows, as a fit from the truth has them.
-        biases = {name: own[name] for name in own if "_bias_" in name}
-        self.own = whole(self.time, {name: own[name] for name in STATES} | biases)
-        self.missed = missed(own, 10)
+        biases = {name: columns[name] for name in columns if "_bias_" in name}
+        self.columns = whole(self.time, {name: columns[name] for name in STATES} | biases)
+        self.missed = missed(columns, 10)
 
-    def errors(self, time, own, name):
+    def errors(self, time, columns, name):
         """Of the rows but for the first and the last second."""
-        inside = (time > 1.0) & (time < SECONDS - 1.0) & np.isfinite(own[name])
-        error = own[name][inside] - np.interp(time[inside], self.time, self.own[name])
+        inside = (time > 1.0) & (time < SECONDS - 1.0) & np.isfinite(columns[name])
+        error = columns[name][inside] - np.interp(time[inside], self.time, self.columns[name])
         return inside, error - 2 * np.pi * np.round(np.median(error) / (2 * np.pi)) if name in ANGLES else error
 
 
@@ -227,10 +227,10 @@ def turned(vectors):
     return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
 
 
-def missed(own, rows):
-    """What the true rates of turning, sampled at 1 kHz and without noise, miss of the true turns, as a density of white noise about each axis: deviation of the turn missed in so many rows over the root of their time."""
-    attitude = rotation(own["roll"], own["pitch"], own["yaw"])
-    rates = np.stack([own[f"w{axis}"] for axis in "xyz"], 1)
+def missed(columns, rows):
+    """Turn that the true rates, sampled at 1 kHz and without noise, miss, as a density of white noise about each axis: deviation of the turn missed in so many rows over the root of their time."""
+    attitude = rotation(columns["roll"], columns["pitch"], columns["yaw"])
+    rates = np.stack([columns[f"w{axis}"] for axis in "xyz"], 1)
     left = turned(0.5e-3 * (rates[1:] + rates[:-1])).transpose(0, 2, 1) @ attitude[:-1].transpose(0, 2, 1) @ attitude[1:]
     angles = 0.5 * np.stack([left[:, 2, 1] - left[:, 1, 2], left[:, 0, 2] - left[:, 2, 0], left[:, 1, 0] - left[:, 0, 1]], 1)
     sums = np.add.reduceat(angles, np.arange(0, len(angles) - rows + 1, rows), axis=0)[:-1]
@@ -247,52 +247,52 @@ def prepared(bench, name, recipe, logs):
     report = bench.run("prepare", "-c", f"{name}.toml", logs, "-o", name, "--force")
     files = [bench.folder / name / piece["file"] for episode in report["episodes"] for piece in episode["pieces"]]
     parts = [read(file) for file in files]
-    own = {key: np.concatenate([columns[key] for _, columns in parts]) for key in parts[0][1]}
-    return report, np.concatenate([time for time, _ in parts]), own
+    signals = {key: np.concatenate([columns[key] for _, columns in parts]) for key in parts[0][1]}
+    return report, np.concatenate([time for time, _ in parts]), signals
 
 
 def ahead(report, clock):
-    return next(own for own in report["clocks"] if own["clock"] == clock)
+    return next(entry for entry in report["clocks"] if entry["clock"] == clock)
 
 
-def off(found, own, reference=(0.0, 0.0), start=0.0):
+def off(estimate, clock, reference=(0.0, 0.0), start=0.0):
     """Errors of offset (s) and skew (s/s), and whether the truth lies in the stated intervals; `start` is when the channel that was compared with begins."""
-    at = found["at"] + start
-    skew = (1 + own[1]) / (1 + reference[1]) - 1
-    offset = own[0] - reference[0] + skew * at
-    inside = all(low <= truth <= high for truth, (low, high) in ((offset, found["offset_interval"]), (skew, found["skew_interval"])))
-    return found["offset"] - offset, found["skew"] - skew, inside
+    at = estimate["at"] + start
+    skew = (1 + clock[1]) / (1 + reference[1]) - 1
+    offset = clock[0] - reference[0] + skew * at
+    inside = all(low <= truth <= high for truth, (low, high) in ((offset, estimate["offset_interval"]), (skew, estimate["skew_interval"])))
+    return estimate["offset"] - offset, estimate["skew"] - skew, inside
 
 
 def seed_of(bench, seed):
-    """What is found in the run of a seed."""
+    """Results of the run of a seed."""
     generate(bench, "raw", "--seed", seed)
     generate(bench, "truth", "--seed", seed, "--format", "parquet")
     truth = Truth(bench.folder / "truth" / "hexapod_00.parquet")
-    found = {"truth": truth}
+    results = {"truth": truth}
     # Stamps as they are contradict an even lamp, which `prepare` refuses.
     jittered, even = COLUMNS + CLOCKS.replace("even = true\n", ""), COLUMNS + CLOCKS
     for name, recipe, make in (("raw", jittered + RAW, from_raw), ("spline", even + SPLINE, from_spline), ("filter", even + FILTER, from_body), ("smoother", even + BODY, from_body)):
-        report, time, own = prepared(bench, f"{name}_out", recipe, "raw")
-        found[name] = report, {}, {}
-        own = found["own"] = make(time, own)
+        report, time, columns = prepared(bench, f"{name}_out", recipe, "raw")
+        results[name] = report, {}, {}
+        columns = results["columns"] = make(time, columns)
         for state in STATES:
             for key in (state, f"{state}_dot"):
-                if key in own:
-                    inside, error = truth.errors(time, own, key)
-                    found[name][1][key] = np.sqrt(np.mean(error**2))
-                    if f"{key}_deviation" in own:
-                        stated = own[f"{key}_deviation"][inside]
-                        told = np.isfinite(stated)
-                        found[name][2][key] = np.sqrt(np.mean(stated[told] ** 2)), np.mean(np.abs(error[told]) < 1.96 * stated[told])
-    own = found.pop("own")
-    scores = {name: [truth.errors(time, own, key) for key in keys] for name, keys in BLOCKS.items()}
-    scores = {name: [error / own[f"{key}_deviation"][inside] for key, (inside, error) in zip(BLOCKS[name], pairs)] for name, pairs in scores.items()}
-    found["blocks"] = {name: np.sum(np.square(own), axis=0) for name, own in scores.items()}
+                if key in columns:
+                    inside, error = truth.errors(time, columns, key)
+                    results[name][1][key] = np.sqrt(np.mean(error**2))
+                    if f"{key}_deviation" in columns:
+                        stated = columns[f"{key}_deviation"][inside]
+                        finite = np.isfinite(stated)
+                        results[name][2][key] = np.sqrt(np.mean(stated[finite] ** 2)), np.mean(np.abs(error[finite]) < 1.96 * stated[finite])
+    columns = results.pop("columns")
+    scores = {name: [truth.errors(time, columns, key) for key in keys] for name, keys in BLOCKS.items()}
+    scores = {name: [error / columns[f"{key}_deviation"][inside] for key, (inside, error) in zip(BLOCKS[name], pairs)] for name, pairs in scores.items()}
+    results["blocks"] = {name: np.sum(np.square(scaled), axis=0) for name, scaled in scores.items()}
     generate(bench, "even", "--seed", seed, "--set", "sync.period=1.0")
     bench.write("even.toml", COLUMNS + SEEN)
-    found["even"] = bench.run("prepare", "-c", "even.toml", "even", "-o", "even_out", "--force")
-    return found
+    results["even"] = bench.run("prepare", "-c", "even.toml", "even", "-o", "even_out", "--force")
+    return results
 
 
 def number(value):
@@ -302,13 +302,13 @@ def number(value):
 def clock_table(runs):
     yield "| seed | robot to controller: us, ppm off (in the bracket) | motion capture to controller by motion: us, ppm off (in the interval) | the same with the delay of the fusion: us | by a wave of 1 s: bracket, ms (truth in it) | gross errors left out, of | good poses lost, of |"
     yield "|---:|---|---|---:|---|---|---|"
-    for seed, found in runs.items():
-        report, truth = found["smoother"][0], found["truth"]
+    for seed, results in runs.items():
+        report, truth = results["smoother"][0], results["truth"]
         by_lamp = off(ahead(report, "robot"), ROBOT, start=LAMP)
         by_motion = off(ahead(report, "mocap"), MOCAP)
         # Poses that are still late after the clock was corrected were stamped by so much more.
         fused = by_motion[0] + report["body"]["delay"]
-        even = ahead(found["even"], "mocap")
+        even = ahead(results["even"], "mocap")
         bracket = even["offset_interval"]
         says = lambda error: f"{1e6 * error[0]:.1f}, {1e6 * error[1]:.3f} ({'yes' if error[2] else 'no'})"
         spans = [span for log in report["body"]["rejected"] for span in log["positions"]["spans"]]
@@ -319,7 +319,7 @@ def clock_table(runs):
 
 
 def pooled(runs, name, key, which=1):
-    values = [found[name][which][key] for found in runs.values() if name in found and key in found[name][which]]
+    values = [results[name][which][key] for results in runs.values() if name in results and key in results[name][which]]
     if not values:
         return None
     return np.sqrt(np.mean(np.square(values))) if which == 1 else (np.sqrt(np.mean([stated**2 for stated, _ in values])), np.mean([share for _, share in values]))
@@ -338,9 +338,9 @@ def state_table(runs):
 
 
 def doubtful(runs):
-    """What a deviation is stated of that the error leaves too often."""
+    """Names of the states whose errors exceed 1.96 stated deviations too often."""
     stated = {name: pooled(runs, "smoother", name, 2) or pooled(runs, "spline", name, 2) for name in [*STATES, *(f"{name}_dot" for name in STATES)]}
-    failing = [f"{name} ({own[1]:.0%})" for name, own in stated.items() if own and own[1] < 0.9]
+    failing = [f"{name} ({pair[1]:.0%})" for name, pair in stated.items() if pair and pair[1] < 0.9]
     yield "Errors beyond 1.96 stated deviations in more than a tenth of the rows: " + (", ".join(failing) or "none") + "."
 
 
@@ -348,21 +348,21 @@ def block_table(runs):
     yield "| | sum of the squares of three errors, in stated deviations: its mean over 3 | rows in which it is below the 95 % of its law |"
     yield "|---|---:|---:|"
     for name in BLOCKS:
-        squares = np.concatenate([found["blocks"][name] for found in runs.values()])
+        squares = np.concatenate([results["blocks"][name] for results in runs.values()])
         yield f"| {name} | {np.mean(squares) / 3:.2f} | {np.mean(squares < CHI_SQUARED):.1%} |"
 
 
 PERIOD = 1e-3
-# What the world file says of the noise, of the axes together, and what a report says of it with the deviation: of single readings, then of what poses tell of integrals. A converter's steps add 2 % to the readings of the rate.
+# Noise by the world file, of the axes together, and by a report with its deviation: of single readings, then of the integrals between poses. A converter's steps add 2 % to the readings of the rate.
 WORLD = {
     "single readings of the rate, rad/s": (1.4e-3, lambda body: axes(body, "reading_noise", 0)),
     "density of the rate, rad/s/sqrt(Hz)": (1.4e-3 * PERIOD**0.5, lambda body: axes(body, "imu_noise", 0)),
     "density of the force, m/s^2/sqrt(Hz)": (0.063 * PERIOD**0.5, lambda body: axes(body, "imu_noise", 1)),
-    "walk of the rate's bias, rad/s^2/sqrt(Hz)": (1e-4, lambda body: one(body, "imu_walk", 0)),
-    "walk of the force's bias, m/s^3/sqrt(Hz)": (1e-3, lambda body: one(body, "imu_walk", 1)),
-    "position, m": (27e-6, lambda body: one(body, "pose_noise", 0)),
-    "attitude, rad": (0.0026, lambda body: one(body, "pose_noise", 1)),
-    "turn missed by rates where they jump": (None, lambda body: one(body, "imu_missed", 0)),
+    "walk of the rate's bias, rad/s^2/sqrt(Hz)": (1e-4, lambda body: component(body, "imu_walk", 0)),
+    "walk of the force's bias, m/s^3/sqrt(Hz)": (1e-3, lambda body: component(body, "imu_walk", 1)),
+    "position, m": (27e-6, lambda body: component(body, "pose_noise", 0)),
+    "attitude, rad": (0.0026, lambda body: component(body, "pose_noise", 1)),
+    "turn missed by rates where they jump": (None, lambda body: component(body, "imu_missed", 0)),
 }
 
 
@@ -372,30 +372,30 @@ def axes(body, key, which):
     return np.sqrt(np.mean(values**2)), np.max(deviations / values)
 
 
-def one(body, key, which):
+def component(body, key, which):
     value, deviation = body[key][which], body[f"{key}_deviation"][which]
     return value, np.nan if deviation is None else deviation / value
 
 
 def noise_table(runs):
-    bodies = [found["smoother"][0]["body"] for found in runs.values()]
+    bodies = [results["smoother"][0]["body"] for results in runs.values()]
     yield "| noise | world file | estimate, least to greatest of the seeds | stated deviation, greatest | error, root of the mean square of the seeds | seeds within 1.96 deviations | within 10 % |"
     yield "|---|---:|---:|---:|---:|---:|---|"
     for name, (truth, of) in WORLD.items():
-        told, stated = np.array([of(body) for body in bodies]).T
-        row = f"| {name} | {number(truth)} | {told.min():.3g} to {told.max():.3g} | {stated.max():.1%} |"
+        estimates, stated = np.array([of(body) for body in bodies]).T
+        row = f"| {name} | {number(truth)} | {estimates.min():.3g} to {estimates.max():.3g} | {stated.max():.1%} |"
         if truth is None:
             yield f"{row} - | - | - |"
             continue
-        off = told / truth - 1
+        off = estimates / truth - 1
         inside, near = (int(np.sum(np.abs(off) < bound)) for bound in (1.96 * stated, 0.1))
         yield f"{row} {np.sqrt(np.mean(off**2)):.1%} | {inside} of {len(bodies)} | {near} of {len(bodies)} |"
-    missing = np.sqrt(np.mean([found["truth"].missed ** 2 for found in runs.values()], axis=0))
-    yield f"| turn missed by true rates at 1 kHz, without noise: all axes; roll, pitch, yaw | {np.sqrt(np.mean(missing**2)):.3g}; {', '.join(f'{own:.3g}' for own in missing)} | | | | | |"
+    missing = np.sqrt(np.mean([results["truth"].missed ** 2 for results in runs.values()], axis=0))
+    yield f"| turn missed by true rates at 1 kHz, without noise: all axes; roll, pitch, yaw | {np.sqrt(np.mean(missing**2)):.3g}; {', '.join(f'{value:.3g}' for value in missing)} | | | | | |"
 
 
 def tables(runs):
-    """What was found in runs, seed by seed, as tables."""
+    """Tables of the runs, seed by seed."""
     return "\n\n".join("\n".join(part(runs)) for part in (clock_table, state_table, doubtful, block_table, noise_table))
 
 
@@ -422,11 +422,11 @@ def fleet(bench, folder, runs, *options):
 def as_truth(file, out):
     """Prepared rows under the names of the truth's columns: velocities in the trunk's axes, cranks' rates."""
     rows = parquet.read_table(file)
-    own = {name: rows[name].to_numpy() for name in rows.schema.names if name != "t"}
-    to_trunk = rotation(own["roll"], own["pitch"], own["yaw"]).transpose(0, 2, 1)
-    velocity = np.einsum("nij,nj->ni", to_trunk, np.stack([own[f"v{axis}"] for axis in "xyz"], 1))
-    own |= {f"v{axis}": velocity[:, at] for at, axis in enumerate("xyz")} | {f"alpha_{side}_rate": own[f"alpha_{side}_dot"] for side in "lr"}
-    parquet.write_table(arrow.table({"t": rows["t"], **{name: own[name] for name in (*STATES, "u_v", "u_w")}}), out)
+    columns = {name: rows[name].to_numpy() for name in rows.schema.names if name != "t"}
+    to_trunk = rotation(columns["roll"], columns["pitch"], columns["yaw"]).transpose(0, 2, 1)
+    velocity = np.einsum("nij,nj->ni", to_trunk, np.stack([columns[f"v{axis}"] for axis in "xyz"], 1))
+    columns |= {f"v{axis}": velocity[:, at] for at, axis in enumerate("xyz")} | {f"alpha_{side}_rate": columns[f"alpha_{side}_dot"] for side in "lr"}
+    parquet.write_table(arrow.table({"t": rows["t"], **{name: columns[name] for name in (*STATES, "u_v", "u_w")}}), out)
 
 
 def models(bench):
@@ -435,7 +435,7 @@ def models(bench):
     fleet(bench, "truth", TRAIN, "--format", "parquet")
     fleet(bench, "test", TEST, "--format", "parquet")
     commands = "[inputs]\n" + "".join(f'{name} = "/cmd_vel.twist.{field}"\n' for name, field in (("u_v", "linear.x"), ("u_w", "angular.z")))
-    # Slow runs turn too little for their clocks to be told by motion: a lamp that both see tells them, and the fusion the rest.
+    # Slow runs turn too little to estimate their clocks by motion: a lamp that both see gives the offset, and the fusion the rest.
     lamp = CLOCKS.replace(f"motion = {BY_MOTION}", 'wave = ["/controller/sync.illuminance", "/mocap/sync.illuminance"]\neven = true')
     bench.write("body.toml", COLUMNS + lamp + BODY + commands)
     report = bench.run("prepare", "-c", "body.toml", "fleet", "-o", "clean")
@@ -457,7 +457,7 @@ def models(bench):
     yield "|---" * (len(targets) + 1) + "|"
     for source, fit in first:
         for candidate in fit["candidates"]:
-            yield f"| {source}: {candidate['partition']} | {' | '.join(number(own['value']) for own in candidate['mae_over_null_intervals'])} |"
+            yield f"| {source}: {candidate['partition']} | {' | '.join(number(interval['value']) for interval in candidate['mae_over_null_intervals'])} |"
     yield ""
     yield f"| truth of other runs | {' | '.join(targets)} |"
     yield "|---" * (len(targets) + 1) + "|"

@@ -122,7 +122,7 @@ struct Run {
     passes: f64,
     /// The largest resident set, the rows themselves among it.
     peak: f64,
-    found: Identification,
+    identification: Identification,
 }
 
 impl Run {
@@ -134,15 +134,16 @@ impl Run {
         reset_peak_rss();
         source.read.store(0, Ordering::Relaxed);
         let (before, cpu) = (Instant::now(), cpu_seconds());
-        let found = with_threads(2, || identify(&problem(partitioned), &options, source, &Silent).expect("a model"));
+        let identification =
+            with_threads(2, || identify(&problem(partitioned), &options, source, &Silent).expect("a model"));
         let passes = source.read.load(Ordering::Relaxed) as f64 / source.rows() as f64;
         let (seconds, cpu) = (before.elapsed().as_secs_f64(), cpu_seconds() - cpu);
-        Self { seconds, cpu, passes, peak: peak_rss_mib(), found }
+        Self { seconds, cpu, passes, peak: peak_rss_mib(), identification }
     }
 
     /// Squared error over variance of a candidate, mean over the targets.
     fn error(&self, candidate: usize) -> f64 {
-        self.found.candidates[candidate].r2.iter().map(|r2| 1.0 - r2).sum::<f64>() / TARGETS as f64
+        self.identification.candidates[candidate].r2.iter().map(|r2| 1.0 - r2).sum::<f64>() / TARGETS as f64
     }
 
     fn line(&self, name: &str, unit: f64) {
@@ -153,7 +154,7 @@ impl Run {
             self.cpu / unit,
             self.passes,
             self.peak,
-            self.error(self.found.candidates.len() - 1)
+            self.error(self.identification.candidates.len() - 1)
         );
     }
 }
@@ -191,7 +192,7 @@ fn on_columns(partitioned: usize, source: &Counted) {
     run("tree:1..6").line("tree:1..6", clustered.cpu);
     let lattice = run("lattice:1..50");
     lattice.line("lattice:1..50", clustered.cpu);
-    let objective = &refined.found.candidates[0].objective;
+    let objective = &refined.identification.candidates[0].objective;
     assert!(objective.windows(2).all(|pair| pair[1] <= pair[0]), "the objective falls: {objective:?}");
     assert!(refined.error(0) < clustered.error(0), "regions that fit the dynamics fit no worse than cells of k-means");
     let ratio = refined.cpu / clustered.cpu;
@@ -202,7 +203,7 @@ fn on_columns(partitioned: usize, source: &Counted) {
 
 /// Checks the errors that the tree of joins gives for a level against those of its model on the rows.
 fn levels(lattice: &Run) {
-    let last = lattice.found.models.last().expect("models");
+    let last = lattice.identification.models.last().expect("models");
     let levels = &last.partitions[0].lattice.as_ref().expect("a tree").levels;
     for (at, level) in levels.iter().enumerate() {
         let direct = lattice.error(at);

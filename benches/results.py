@@ -34,7 +34,7 @@ class Bench:
         self.fleetfoot, self.folder = str(fleetfoot), folder
 
     def run(self, *arguments):
-        """What a command prints as JSON."""
+        """The JSON that a command prints."""
         words = [self.fleetfoot, *map(str, arguments), "--json"]
         done = subprocess.run(words, cwd=self.folder, capture_output=True, text=True)
         if done.returncode:
@@ -63,7 +63,7 @@ def over_null(score):
 
 
 def over_baseline(score):
-    """How many times smaller the model's mean absolute error is than that of the best baseline, per target."""
+    """Mean absolute error of the best baseline over that of the model, per target."""
     ratios = []
     for target in score["targets"]:
         best = min(target["baselines"], key=lambda row: row["mae"] / row["model_mae"])
@@ -75,8 +75,8 @@ def free_run(rollout):
     """The Mahalanobis score at the last step beside the best baseline's, and what left."""
     last = lambda scores: scores["mahalanobis"][-1][0]
     name, best = min(((name, last(scores)) for name, scores in rollout["baselines"].items()), key=lambda pair: pair[1])
-    own = last(rollout["model"])
-    return f"{rollout['time'][-1]:.3g} s: {own:.3g} against {best:.3g} ({name}); {rollout['diverged']} of {rollout['rollouts']} diverged"
+    error = last(rollout["model"])
+    return f"{rollout['time'][-1]:.3g} s: {error:.3g} against {best:.3g} ({name}); {rollout['diverged']} of {rollout['rollouts']} diverged"
 
 
 def chosen(fit):
@@ -143,8 +143,8 @@ def airliner(bench, data):
 def recordings(fleetfoot, data):
     rows = ["| recording, held out | model, chosen by cross-validation | one step, held out | free run, held out: Mahalanobis score |", "|---|---|---|---|"]
     for study in (quadrotor_in_wind, positioning, placement, quadrotor_on_the_bench, airliner):
-        with bench(fleetfoot) as own:
-            rows += [f"| {' | '.join(row)} |" for row in study(own, data)]
+        with bench(fleetfoot) as work:
+            rows += [f"| {' | '.join(row)} |" for row in study(work, data)]
     return "\n".join(rows)
 
 
@@ -153,15 +153,15 @@ def with_interval(interval):
 
 
 def hexapod(fleetfoot, _data):
-    with bench(fleetfoot) as own:
+    with bench(fleetfoot) as work:
         for folder, options in (("train", ("--minutes", 62, "--runs", 37, "--seed", 1)), ("test", ("--minutes", 15, "--runs", 9, "--seed", 2))):
-            words = [own.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "-o", folder]
-            subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
-        fit = own.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "null,average,kmeans:10,50,refined:10,50,tree:6", "--folds", "10", "--keep-all")
+            words = [work.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "-o", folder]
+            subprocess.run(words, cwd=work.folder, check=True, capture_output=True)
+        fit = work.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "null,average,kmeans:10,50,refined:10,50,tree:6", "--folds", "10", "--keep-all")
         rows = [f"| model | {' | '.join(fit['targets'])} |", "|---" * (len(fit["targets"]) + 1) + "|"]
         for candidate in fit["candidates"]:
-            rows.append(f"| {candidate['partition']} | {' | '.join(with_interval(own) for own in candidate['mae_over_null_intervals'])} |")
-        own.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "kmeans:50,refined:50,tree:6", "--stable", "--folds", 0, "--select", "bic", "--keep-all", "-o", "stable.json")
+            rows.append(f"| {candidate['partition']} | {' | '.join(with_interval(interval) for interval in candidate['mae_over_null_intervals'])} |")
+        work.run("fit", "pwa", "-c", "train/robot.toml", "train", "--partition", "kmeans:50,refined:50,tree:6", "--stable", "--folds", 0, "--select", "bic", "--keep-all", "-o", "stable.json")
         models = ("model_average", "model_kmeans10", "model_kmeans50", "model_refined10", "model_refined50", "model_tree6", "stable_kmeans50", "stable_refined50", "stable_tree6")
         rows += ["", f"{fit['rows']:,} rows in {fit['episodes']} runs; chosen: {chosen(fit)}. Nine runs of another seed, one step ahead (the mean of the eight) and in free runs, the controller closing the loop, 1,000 starts:", ""]
         times = (1, 2, 11, 40, 60, 100, 200)
@@ -169,11 +169,11 @@ def hexapod(fleetfoot, _data):
         score = lambda scores: " | ".join(f"{scores['mahalanobis'][time - 1][0]:.3g}" for time in times)
         baselines = {}
         for name in models:
-            ahead = statistics.fmean(target["mae_over_null"]["value"] for target in own.run("score", f"{name}.json", "test")["targets"])
+            ahead = statistics.fmean(target["mae_over_null"]["value"] for target in work.run("score", f"{name}.json", "test")["targets"])
             for outside in ("tell", "hold"):
-                rollout = own.run("rollout", f"{name}.json", "test", "--horizon", 200, "--starts", 1000, "--controller", "treadmill", "--outside", outside)
+                rollout = work.run("rollout", f"{name}.json", "test", "--horizon", 200, "--starts", 1000, "--controller", "treadmill", "--outside", outside)
                 label = name.removeprefix("model_").replace("_", " ") + (", held" if outside == "hold" else "")
-                rows.append(f"| {label} | {parameters(own.folder / f'{name}.json'):,} | {ahead:.3f} | {score(rollout['model'])} | {rollout['diverged']} |")
+                rows.append(f"| {label} | {parameters(work.folder / f'{name}.json'):,} | {ahead:.3f} | {score(rollout['model'])} | {rollout['diverged']} |")
                 baselines = rollout["baselines"]
         rows += [f"| {name} | - | - | {score(scores)} | - |" for name, scores in baselines.items()]
     return "\n".join(rows)
@@ -195,42 +195,42 @@ def compared(bench, label, fit, test, partitions, steps, rollout=()):
     """Every partition as it is, bounded (`--stable`), and held at the border of what regions saw."""
     rows = []
     for kind, options in (("free", ()), ("stable", ("--stable",))):
-        found = bench.run("fit", "pwa", *fit, "--partition", ",".join(partitions), "--keep-all", "-o", f"{kind}.json", *options)
-        for partition, candidate in zip(partitions, found["candidates"]):
+        report = bench.run("fit", "pwa", *fit, "--partition", ",".join(partitions), "--keep-all", "-o", f"{kind}.json", *options)
+        for partition, candidate in zip(partitions, report["candidates"]):
             model = f"{kind}_{partition.replace(':', '')}.json"
             moved = candidate.get("stability", {}).get("moved")
             for outside in ("tell", "hold"):
-                told = bench.run("rollout", model, *test, "--horizon", max(steps), "--starts", 1000, "--outside", outside, *rollout)
+                simulated = bench.run("rollout", model, *test, "--horizon", max(steps), "--starts", 1000, "--outside", outside, *rollout)
                 name = f"{partition}, {kind}" + (f", {moved} moved" if moved is not None else "") + (", held" if outside == "hold" else "")
                 loss = candidate["loss"]
-                rows.append([name, "-" if loss is None else f"{loss:.4g}", *horizons(told, steps)])
+                rows.append([name, "-" if loss is None else f"{loss:.4g}", *horizons(simulated, steps)])
     header = [label, "held-out loss", *(f"{step} steps" for step in steps), "mean of all steps", "diverged"]
     return [f"| {' | '.join(header)} |", "|---" * len(header) + "|", *(f"| {' | '.join(row)} |" for row in rows), ""]
 
 
 def stability(fleetfoot, data):
     rows = []
-    with bench(fleetfoot) as own:
+    with bench(fleetfoot) as work:
         for folder, options in (("train", ("--minutes", 10, "--runs", 10, "--seed", 1)), ("test", ("--minutes", 3, "--runs", 3, "--seed", 2))):
-            words = [own.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "--format", "parquet", "-o", folder]
-            subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
+            words = [work.fleetfoot, "generate", "hexapod", *map(str, options), "--speed", "0.1:0.5", "--format", "parquet", "-o", folder]
+            subprocess.run(words, cwd=work.folder, check=True, capture_output=True)
         fit = ("-c", "train/robot.toml", "train", "--folds", 5)
-        rows += compared(own, "hexapod, ten minutes", fit, ("test",), ("average", "kmeans:10", "kmeans:50"), (1, 2, 11, 40, 100, 200), ("--controller", "treadmill"))
-    with bench(fleetfoot) as own:
-        for _ in quadrotor_in_wind(own, data):
+        rows += compared(work, "hexapod, ten minutes", fit, ("test",), ("average", "kmeans:10", "kmeans:50"), (1, 2, 11, 40, 100, 200), ("--controller", "treadmill"))
+    with bench(fleetfoot) as work:
+        for _ in quadrotor_in_wind(work, data):
             break
         fit = ("-c", "quad.toml", *(f"train-{name}.csv" for name in ("nowind", "35wind", "70wind", "100wind")))
         test = [f"test-{name}.csv" for name in ("nowind", "35wind", "70wind", "100wind")]
-        rows += compared(own, "quadrotor (`neural-fly`)", fit, test, ("average", "kmeans:5", "kmeans:20"), (1, 5, 20, 50))
-    with bench(fleetfoot) as own:
-        own.split(data / "pick-and-place.csv", 50_000 / 60_000)
+        rows += compared(work, "quadrotor (`neural-fly`)", fit, test, ("average", "kmeans:5", "kmeans:20"), (1, 5, 20, 50))
+    with bench(fleetfoot) as work:
+        work.split(data / "pick-and-place.csv", 50_000 / 60_000)
         fit = ("train.csv", "--states", "y", "--inputs", "u", "--predict", "next", "--lags", 3, "--partition-on", "y,lag(y,1),u", "--purge", "0.05")
-        rows += compared(own, "placement head (`pick-and-place`)", fit, ("test.csv",), ("average", "kmeans:5", "kmeans:20"), (1, 10, 100, 500))
-    with bench(fleetfoot) as own:
+        rows += compared(work, "placement head (`pick-and-place`)", fit, ("test.csv",), ("average", "kmeans:5", "kmeans:20"), (1, 10, 100, 500))
+    with bench(fleetfoot) as work:
         file = data / "mcap" / "nav2_turtlebot.mcap"
-        own.write("robot.toml", '[columns]\nv = "/odom.twist.twist.linear.x"\nw = "/odom.twist.twist.angular.z"\n[states]\nv = {}\nw = {}\n[time]\nbase = "/odom"\nstamp = "header"\n')
+        work.write("robot.toml", '[columns]\nv = "/odom.twist.twist.linear.x"\nw = "/odom.twist.twist.angular.z"\n[states]\nv = {}\nw = {}\n[time]\nbase = "/odom"\nstamp = "header"\n')
         fit = ("-c", "robot.toml", file, "--predict", "next", "--lags", 5, "--where", "time() < 40")
-        rows += compared(own, "wheeled robot (`nav2_turtlebot`)", fit, (file, "--where", "time() > 41"), ("average", "kmeans:3", "kmeans:8"), (1, 5, 20, 50))
+        rows += compared(work, "wheeled robot (`nav2_turtlebot`)", fit, (file, "--where", "time() > 41"), ("average", "kmeans:3", "kmeans:8"), (1, 5, 20, 50))
     return "\n".join(rows).rstrip()
 
 
@@ -239,53 +239,53 @@ def autoregressions(fleetfoot, data):
     rows = ["| regions | chosen | numbers | FIT % of the rows that trained | FIT % of the last rows |", "|---|---|---:|---:|---:|"]
     recipe = ("--time", "t", "--outputs", "y", "--inputs", "u", "--decimate", 10, "--test-share", 0.16668, "--lags-out", 4, "--lags-in", 3, "--degree", 1, "--terms", "all", "--order", "auto", "--partition-on", "y,y - lag(y, 1),u")
     for partition in ("kmeans:2..20", "refined:2..20"):
-        with bench(fleetfoot) as own:
-            fit = own.run("fit", "narx", data / "pick-and-place.csv", *recipe, "--partition", partition)
+        with bench(fleetfoot) as work:
+            fit = work.run("fit", "narx", data / "pick-and-place.csv", *recipe, "--partition", partition)
             order = fit["order"]
             runs = [f"{fit[part]['free_run'][0]['fit']:.2f}" for part in ("train", "test")]
-            rows.append(f"| {partition} | {fit['partition']}, ny {order['lags_out']}, nu {order['lags_in']} | {parameters(own.folder / 'model.json')} | {runs[0]} | {runs[1]} |")
+            rows.append(f"| {partition} | {fit['partition']}, ny {order['lags_out']}, nu {order['lags_in']} | {parameters(work.folder / 'model.json')} | {runs[0]} | {runs[1]} |")
     return "\n".join(rows)
 
 
 def raw(fleetfoot, _data):
-    with bench(fleetfoot) as own:
-        return raw_hexapod.table(own)
+    with bench(fleetfoot) as work:
+        return raw_hexapod.table(work)
 
 
 def raw_models(fleetfoot, _data):
-    with bench(fleetfoot) as own:
-        return raw_hexapod.models_table(own)
+    with bench(fleetfoot) as work:
+        return raw_hexapod.models_table(work)
 
 
 def flights(fleetfoot, _data):
     """Climbs that a model of other climbs follows (Fig. 4 and 6 of the block-sparse bolasso paper)."""
     disturbed = ("--set", "turbulence.longitudinal=0.02", "--set", "turbulence.normal=0.02", "--format", "parquet")
-    with bench(fleetfoot) as own:
+    with bench(fleetfoot) as work:
         for folder, runs, seed in (("train", 24, 3), ("test", 50, 4)):
-            words = [own.fleetfoot, "generate", "aircraft", "--runs", str(runs), "--seed", str(seed), *disturbed, "-o", folder]
-            subprocess.run(words, cwd=own.folder, check=True, capture_output=True)
-        own.run("fit", "sparse", "-c", "train/robot.toml", "train", "--bolasso", "episodes:200", "--threshold", "0.9", "-o", "model.json")
+            words = [work.fleetfoot, "generate", "aircraft", "--runs", str(runs), "--seed", str(seed), *disturbed, "-o", folder]
+            subprocess.run(words, cwd=work.folder, check=True, capture_output=True)
+        work.run("fit", "sparse", "-c", "train/robot.toml", "train", "--bolasso", "episodes:200", "--threshold", "0.9", "-o", "model.json")
         begun = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        found = own.run("resimulate", "model.json", "test")
-        seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begun) / len(found["episodes"])
-    programs = sorted(episode["programs"] for episode in found["episodes"])
+        report = work.run("resimulate", "model.json", "test")
+        seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begun) / len(report["episodes"])
+    programs = sorted(episode["programs"] for episode in report["episodes"])
     rows = ["| rms deviation from the flight | followed: mean of the flights | 90 % | worst | open loop: mean | 90 % | worst | may be off |", "|---|---|---|---|---|---|---|---|"]
-    for column in found["columns"]:
+    for column in report["columns"]:
         cells = []
         for kind in ("followed", "open_loop"):
             spread = column[kind]
             if spread is None:
                 cells += ["-"] * 3
                 continue
-            values = [episode[kind][column["name"]] for episode in found["episodes"]]
+            values = [episode[kind][column["name"]] for episode in report["episodes"]]
             ended = sum(value is None for value in values)
             mean = f"{ended} diverged" if ended else f"{sum(values) / len(values):.3g}"
             cells += [mean, *("diverged" if spread[name] is None else f"{spread[name]:.3g}" for name in ("ninth", "worst"))]
         unit = f", {column['unit']}" if column["unit"] else ""
         rows.append(f"| {column['name']}{unit} | {' | '.join(cells)} | {column['deviation']:.2g} |")
-    violation, count = found["violation"], len(found["episodes"])
-    rows += ["", f"{count} flights, {found['rows']:,} rows; {found['minima']} at a minimum, by {programs[0]} to {programs[-1]} convex programs (median {programs[count // 2]}). "
-             f"The dynamics are violated by {violation['dynamics']:.1e} of a state's spread at most, bounds by {violation['bounds']:.1e}; stationarity {found['stationarity']:.1e}. "
+    violation, count = report["violation"], len(report["episodes"])
+    rows += ["", f"{count} flights, {report['rows']:,} rows; {report['minima']} at a minimum, by {programs[0]} to {programs[-1]} convex programs (median {programs[count // 2]}). "
+             f"The dynamics are violated by {violation['dynamics']:.1e} of a state's spread at most, bounds by {violation['bounds']:.1e}; stationarity {report['stationarity']:.1e}. "
              f"{seconds:.2f} s of a processor a flight, reading and the noise included."]
     return "\n".join(rows)
 
@@ -303,7 +303,7 @@ def short_period(seed, rows, sensors, gusts):
         measured = [value + deviation * noise.gauss(0, 1) for value, deviation in zip(state, sensors)]
         lines.append(f"{time:.2f},{measured[0]!r},{measured[1]!r},{d}")
         slope = lambda x: (truth["za"] * x[0] + x[1] + truth["zd"] * d, truth["ma"] * x[0] + truth["mq"] * x[1] + truth["md"] * d)
-        moved = lambda slope, step: [x + step * own for x, own in zip(state, slope)]
+        moved = lambda slope, step: [x + step * rate for x, rate in zip(state, slope)]
         one = slope(state)
         two = slope(moved(one, period / 2))
         three = slope(moved(two, period / 2))
@@ -328,24 +328,24 @@ def noise_of_both_kinds(fleetfoot, _data):
         ("both", (400, sensors, gusts)),
         ("both, 1,600 rows", (1600, sensors, gusts)),
     ):
-        with bench(fleetfoot) as own:
-            own.write("aircraft.toml", recipe)
+        with bench(fleetfoot) as work:
+            work.write("aircraft.toml", recipe)
             for seed in range(SEEDS):
-                own.write(f"{seed}.csv", short_period(seed, *noise))
+                work.write(f"{seed}.csv", short_period(seed, *noise))
             for method in ("equation-error", "output-error", "filter-error"):
                 errors, held, gains, seconds = {name: [] for name in SHORT_PERIOD}, 0, [], []
                 for seed in range(SEEDS):
                     begun = resource.getrusage(resource.RUSAGE_CHILDREN)
-                    found = own.run("fit", "parameters", "-c", "aircraft.toml", f"{seed}.csv", "--method", method, "--folds", 0)
+                    report = work.run("fit", "parameters", "-c", "aircraft.toml", f"{seed}.csv", "--method", method, "--folds", 0)
                     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
                     seconds.append(ended.ru_utime - begun.ru_utime + ended.ru_stime - begun.ru_stime)
-                    gains.append([gain["value"] for gain in found.get("gains", [])])
-                    for parameter in found["parameters"]:
+                    gains.append([gain["value"] for gain in report.get("gains", [])])
+                    for parameter in report["parameters"]:
                         truth, (low, high) = SHORT_PERIOD[parameter["name"]], parameter["interval"]
                         errors[parameter["name"]].append(parameter["value"] / truth - 1)
                         held += low <= truth <= high
-                bias = statistics.fmean(statistics.fmean(own) ** 2 for own in errors.values()) ** 0.5
-                spread = statistics.fmean(error**2 for own in errors.values() for error in own) ** 0.5
+                bias = statistics.fmean(statistics.fmean(relative) ** 2 for relative in errors.values()) ** 0.5
+                spread = statistics.fmean(error**2 for relative in errors.values() for error in relative) ** 0.5
                 medians = ", ".join(f"{statistics.median(values):.2f}" for values in zip(*gains)) or "-"
                 rows.append(f"| {label} | {method.replace('-', ' ')} | {bias:.1%} | {spread:.1%} | {held / SEEDS / len(SHORT_PERIOD):.1%} | {medians} | {1e3 * statistics.median(seconds):.0f} ms |")
     return "\n".join([*rows, "", f"{SEEDS} seeds each."])

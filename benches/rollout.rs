@@ -60,8 +60,8 @@ fn case(name: &str, hertz: f64) -> Result<(), Box<dyn Error>> {
         trajectories.iter().map(|t| t.regions.windows(2).filter(|pair| pair[0] != pair[1]).count()).sum();
     println!("\n{name}: the region changes every {:.1} steps", steps / changes as f64);
     println!("{:<22} {:>9} {:>9} {:>7} {:>9}", "", "ms", "ns/step", "ratio", "peak MiB");
-    let row = |what: &str, s: f64, ratio: f64, peak: f64| {
-        println!("{what:<22} {:>9.2} {:>9.1} {ratio:>7.1} {peak:>9.0}", s * 1e3, s * 1e9 / steps);
+    let row = |title: &str, s: f64, ratio: f64, peak: f64| {
+        println!("{title:<22} {:>9.2} {:>9.1} {ratio:>7.1} {peak:>9.0}", s * 1e3, s * 1e9 / steps);
     };
     row("fleetfoot", seconds, 1.0, peak_rss_mib());
     row("fleetfoot, one thread", one_thread, one_thread / seconds, peak_rss_mib());

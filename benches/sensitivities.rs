@@ -84,8 +84,12 @@ fn sensitivities(
             shooting.segments(0, &block, 0..TIMED * STEPS, |segment| width += segment.active.len());
         })
     });
-    let (alone, found) = with_threads(1, || best_of(40, || plain.trajectories(source, &starts, &rollout, &Silent)));
-    assert_eq!(found?.into_iter().flatten().map(|trajectory| trajectory.steps()).sum::<usize>(), SEGMENTS * STEPS);
+    let (alone, trajectories) =
+        with_threads(1, || best_of(40, || plain.trajectories(source, &starts, &rollout, &Silent)));
+    assert_eq!(
+        trajectories?.into_iter().flatten().map(|trajectory| trajectory.steps()).sum::<usize>(),
+        SEGMENTS * STEPS
+    );
     let (alone, with) = (alone * 1e9 / (SEGMENTS * STEPS) as f64, with * 1e9 / (TIMED * STEPS) as f64);
     let width = width as f64 / TIMED as f64;
     let stages = if method == Method::Rk4 { 4.0 } else { 1.0 };
@@ -111,11 +115,11 @@ fn products(shooting: &Shooting<'_>, block: &Block, count: usize, alone: f64) {
     let mut random = Pcg64::seed_from_u64(5);
     let direction: Vec<f64> = (0..count).map(|_| random.random_range(-1.0..1.0)).collect();
     let rows = 0..TIMED * STEPS;
-    let (seconds, found) = with_threads(1, || {
+    let (seconds, product) = with_threads(1, || {
         best_of(25, || {
-            let mut found = Products::new(count);
-            shooting.products(0, block, (rows.clone(), 1), Some(&direction), &mut found);
-            found
+            let mut product = Products::new(count);
+            shooting.products(0, block, (rows.clone(), 1), Some(&direction), &mut product);
+            product
         })
     });
     let mut dense = vec![0.0; count];
@@ -131,7 +135,7 @@ fn products(shooting: &Shooting<'_>, block: &Block, count: usize, alone: f64) {
         }
     });
     let size = dense.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
-    let apart = dense.iter().zip(&found.back).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / size;
+    let apart = dense.iter().zip(&product.back).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / size;
     let step = seconds * 1e9 / (TIMED * STEPS) as f64;
     println!("a product J'J v        {step:>9.0} ns/step, {:.1} times the rollout; {apart:.1e} apart", step / alone);
     assert!(apart < 1e-10, "the product is not that of the derivatives");
@@ -146,17 +150,17 @@ fn segments(
 ) -> Result<Vec<Segment>, Box<dyn Error>> {
     let shooting = Shooting::new(model, source, coefficients, options)?;
     let block = source.read(0, 0..source.episodes()[0].rows, shooting.halo())?;
-    let mut found = Vec::new();
-    shooting.segments(0, &block, 0..SEGMENTS * STEPS, |segment| found.push(segment));
-    Ok(found)
+    let mut collected = Vec::new();
+    shooting.segments(0, &block, 0..SEGMENTS * STEPS, |segment| collected.push(segment));
+    Ok(collected)
 }
 
 /// Holds sensitivities against central differences of simulations, for numbers spread over those that move a segment. A difference across which a step changes its
 /// region is none: a hundredth of them may be.
 fn differences(model: &Model, source: &MemorySource, options: &ShootingOptions) -> Result<(), Box<dyn Error>> {
     let support = Coefficient::support(model);
-    let own = segments(model, source, &support, options)?;
-    let mut met: Vec<usize> = own.iter().flat_map(|segment| segment.active.iter().copied()).collect();
+    let base = segments(model, source, &support, options)?;
+    let mut met: Vec<usize> = base.iter().flat_map(|segment| segment.active.iter().copied()).collect();
     met.sort_unstable();
     met.dedup();
     let (mut errors, size) =
@@ -169,12 +173,12 @@ fn differences(model: &Model, source: &MemorySource, options: &ShootingOptions) 
             support[number].set(&mut model, value + sign * step);
             segments(&model, source, &[], options)
         };
-        for ((own, more), less) in own.iter().zip(moved(1.0)?).zip(moved(-1.0)?) {
-            let (n, size) = (own.residuals.len(), size(own));
-            let at = own.active.iter().position(|&active| active == number);
+        for ((base, more), less) in base.iter().zip(moved(1.0)?).zip(moved(-1.0)?) {
+            let (n, size) = (base.residuals.len(), size(base));
+            let at = base.active.iter().position(|&active| active == number);
             errors.extend((0..n).map(|row| {
                 let difference = (more.residuals[row] - less.residuals[row]) / (2.0 * step);
-                (at.map_or(0.0, |at| own.slopes[at * n + row]) - difference).abs() / size
+                (at.map_or(0.0, |at| base.slopes[at * n + row]) - difference).abs() / size
             }));
         }
     }
@@ -197,8 +201,8 @@ fn sparse(hertz: f64) -> Model {
     let omega = std::f64::consts::TAU * hertz;
     for state in (0..STATES).step_by(2) {
         let equation = &mut model.equations[state];
-        let [own, partner] = [state, state + 1].map(|column| Expr::column(names[column].as_str()));
-        (equation.right, equation.target) = (omega * partner - 0.1 * omega * own, None);
+        let [coordinate, partner] = [state, state + 1].map(|column| Expr::column(names[column].as_str()));
+        (equation.right, equation.target) = (omega * partner - 0.1 * omega * coordinate, None);
     }
     let fitted = |name: &str| (1..STATES).step_by(2).any(|state| name == format!("f{state}"));
     model.latents.retain(|latent| fitted(&latent.name));
@@ -240,8 +244,8 @@ fn measured(model: &Model, hertz: f64) -> Result<MemorySource, Box<dyn Error>> {
     let mut options = RolloutOptions::new(ROWS - 2);
     (options.method, options.step) = (Method::Rk4, Step::Median);
     let starts: Vec<Start> = (0..EPISODES).map(|episode| Start { episode, row: 1 }).collect();
-    let found = Simulator::new(model)?.trajectories(&asked, &starts, &options, &Silent)?;
-    for (episode, (trajectory, inputs)) in found.into_iter().flatten().zip(inputs).enumerate() {
+    let trajectories = Simulator::new(model)?.trajectories(&asked, &starts, &options, &Silent)?;
+    for (episode, (trajectory, inputs)) in trajectories.into_iter().flatten().zip(inputs).enumerate() {
         assert_eq!(trajectory.steps(), ROWS - 2, "the robot keeps running");
         // The sum of twelve uniform numbers is normal enough.
         let mut noise = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
@@ -278,8 +282,8 @@ fn refinement() -> Result<(), Box<dyn Error>> {
     let best = cost_of(&truth)?;
     reset_peak_rss();
     let (started, cpu) = (Instant::now(), cpu_seconds());
-    let found = simulation_error(&beside, &source, &options, &Silent)?;
-    let Simulated { passes, cost, status, gradient, segments, ended, .. } = &found;
+    let refined = simulation_error(&beside, &source, &options, &Silent)?;
+    let Simulated { passes, cost, status, gradient, segments, ended, .. } = &refined;
     println!(
         "{passes} passes over {segments} segments in {:.1} s ({:.1} s of processors), peak {:.0} MiB",
         started.elapsed().as_secs_f64(),
@@ -297,7 +301,11 @@ fn refinement() -> Result<(), Box<dyn Error>> {
         apart.sort_unstable_by(f64::total_cmp);
         apart[apart.len() / 2]
     };
-    println!("coefficients {:.4} from the truth before, {:.4} after, the median", apart(&beside), apart(&found.model));
+    println!(
+        "coefficients {:.4} from the truth before, {:.4} after, the median",
+        apart(&beside),
+        apart(&refined.model)
+    );
     assert!(cost[1] <= best && cost[1] < cost[0], "the fit is better on its rows than the truth");
     Ok(())
 }

@@ -129,25 +129,25 @@ fn fit(case: &Case, source: &dyn Source) -> Result<Fit> {
 
 /// Times a fit and prints its distance from the limits.
 fn timed(case: &Case, source: &dyn Source, rate: Option<f64>) -> Result<(f64, Fit)> {
-    let mut found = fit(case, source)?;
+    let mut best = fit(case, source)?;
     for _ in 1..case.repeats {
         let next = fit(case, source)?;
-        if next.seconds.iter().sum::<f64>() < found.seconds.iter().sum() {
-            found = next;
+        if next.seconds.iter().sum::<f64>() < best.seconds.iter().sum() {
+            best = next;
         }
     }
-    let [plan, scan, solve] = found.seconds;
+    let [plan, scan, solve] = best.seconds;
     let seconds = plan + scan + solve;
-    let how = if found.moments { "Chebyshev moments" } else { "products of pairs" };
+    let method = if best.moments { "Chebyshev moments" } else { "products of pairs" };
     println!(
-        "  fleetfoot, {} threads: {seconds:.3} s (plan {plan:.3}, scan {scan:.3}, factor and STLSQ {solve:.3}); peak {:.0} MiB; {how}, {} sums a row, {} chunks",
+        "  fleetfoot, {} threads: {seconds:.3} s (plan {plan:.3}, scan {scan:.3}, factor and STLSQ {solve:.3}); peak {:.0} MiB; {method}, {} sums a row, {} chunks",
         thread_count(),
         peak_rss_mib(),
-        found.sums,
-        found.scan.units().len(),
+        best.sums,
+        best.scan.units().len(),
     );
     let bytes = 8e-9 * (case.rows * (case.states + 1)) as f64;
-    let flops = (found.sums * case.rows) as f64;
+    let flops = (best.sums * case.rows) as f64;
     if let Some(rate) = rate {
         let limit = flops / (rate * thread_count() as f64);
         println!(
@@ -158,11 +158,11 @@ fn timed(case: &Case, source: &dyn Source, rate: Option<f64>) -> Result<(f64, Fi
             bytes / scan
         );
     }
-    Ok((seconds, found))
+    Ok((seconds, best))
 }
 
 /// Largest difference from the true equations, relative to the largest coefficient; the supports must be equal.
-fn check_truth(case: &Case, found: &Mat<f64>, truth: impl Fn(usize) -> Vec<(String, f64)>) -> Result<f64> {
+fn check_truth(case: &Case, coefficients: &Mat<f64>, truth: impl Fn(usize) -> Vec<(String, f64)>) -> Result<f64> {
     let mut columns = vec!["1".to_owned()];
     columns.extend(system(case)?.functions.iter().map(Expr::to_string));
     let mut worst = 0.0_f64;
@@ -174,10 +174,12 @@ fn check_truth(case: &Case, found: &Mat<f64>, truth: impl Fn(usize) -> Vec<(Stri
         }
         let largest = row.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         for (j, expected) in row.into_iter().enumerate() {
-            if (found[(state, j)] == 0.0) != (expected == 0.0) {
-                return Err(format!("x{state}': {} is {} and not {expected}", columns[j], found[(state, j)]).into());
+            if (coefficients[(state, j)] == 0.0) != (expected == 0.0) {
+                return Err(
+                    format!("x{state}': {} is {} and not {expected}", columns[j], coefficients[(state, j)]).into()
+                );
             }
-            worst = worst.max((found[(state, j)] - expected).abs() / largest);
+            worst = worst.max((coefficients[(state, j)] - expected).abs() / largest);
         }
     }
     Ok(worst)
@@ -199,7 +201,7 @@ fn lorenz_96_truth(state: usize, n: usize) -> Vec<(String, f64)> {
 }
 
 /// pysindy on the same rows: the ratios, and the largest difference of the coefficients relative to the equation's largest.
-fn beside_pysindy(case: &Case, columns: &[Vec<f64>], ours: f64, memory: f64, found: &Mat<f64>) -> Result<()> {
+fn beside_pysindy(case: &Case, columns: &[Vec<f64>], ours: f64, memory: f64, coefficients: &Mat<f64>) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let (input, output) = (folder.path().join("rows.f64"), folder.path().join("coefficients.f64"));
     write_f64(&input, &columns.concat())?;
@@ -226,14 +228,14 @@ fn beside_pysindy(case: &Case, columns: &[Vec<f64>], ours: f64, memory: f64, fou
     );
     println!("  ratio: {:.0} times faster, {:.1} times less memory", seconds / ours, peak / memory);
     let theirs = read_f64(&output)?;
-    let width = found.ncols();
+    let width = coefficients.ncols();
     let mut worst = 0.0_f64;
     for state in 0..case.states {
         let row = &theirs[state * width..(state + 1) * width];
         let largest = row.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         for (j, &value) in row.iter().enumerate() {
-            assert_eq!(value == 0.0, found[(state, j)] == 0.0, "supports of equation {state}, column {j}");
-            worst = worst.max((value - found[(state, j)]).abs() / largest);
+            assert_eq!(value == 0.0, coefficients[(state, j)] == 0.0, "supports of equation {state}, column {j}");
+            worst = worst.max((value - coefficients[(state, j)]).abs() / largest);
         }
     }
     println!("  the same supports; largest difference of coefficients {worst:.1e} of their equation's largest");
@@ -279,16 +281,16 @@ fn main() -> Result<()> {
     println!("{}: {} rows x {} states, 56 columns", small.name, small.rows, small.states);
     let columns = trajectory(&small);
     let source = in_memory(&small, columns.clone());
-    let (seconds, found) = timed(&small, &source, rate)?;
+    let (seconds, fitted) = timed(&small, &source, rate)?;
     let memory = peak_rss_mib();
-    println!("  true supports; coefficients to {:.1e}", check_truth(&small, &found.coefficients, lorenz_truth)?);
-    beside_pysindy(&small, &columns, seconds, memory, &found.coefficients)?;
+    println!("  true supports; coefficients to {:.1e}", check_truth(&small, &fitted.coefficients, lorenz_truth)?);
+    beside_pysindy(&small, &columns, seconds, memory, &fitted.coefficients)?;
     drop((columns, source));
 
     let exact = Case { name: "Lorenz, degree 5, without noise", noise: 0.0, repeats: 5, ..small };
     println!("{}: {} rows x {} states", exact.name, exact.rows, exact.states);
-    let (_, found) = timed(&exact, &in_memory(&exact, trajectory(&exact)), rate)?;
-    println!("  true supports; coefficients to {:.1e}", check_truth(&exact, &found.coefficients, lorenz_truth)?);
+    let (_, fitted) = timed(&exact, &in_memory(&exact, trajectory(&exact)), rate)?;
+    println!("  true supports; coefficients to {:.1e}", check_truth(&exact, &fitted.coefficients, lorenz_truth)?);
 
     let long = Case { name: "Lorenz, degree 5, Parquet", rows: 10_000_000, repeats: 4, ..small };
     println!("{}: {} rows x {} states", long.name, long.rows, long.states);
@@ -297,8 +299,8 @@ fn main() -> Result<()> {
     write(&path, &trajectory(&long))?;
     let (opened, source) = best_of(1, || open(&[&path], &Selection::new(names(long.states))));
     println!("  file of {:.2} GB, opened in {opened:.3} s", 1e-9 * std::fs::metadata(&path)?.len() as f64);
-    let (_, found) = timed(&long, &source?, rate)?;
-    println!("  true supports; coefficients to {:.1e}", check_truth(&long, &found.coefficients, lorenz_truth)?);
+    let (_, fitted) = timed(&long, &source?, rate)?;
+    println!("  true supports; coefficients to {:.1e}", check_truth(&long, &fitted.coefficients, lorenz_truth)?);
 
     let wide = Case {
         name: "Lorenz 1996, degree 3",
@@ -314,8 +316,8 @@ fn main() -> Result<()> {
     let features = 8e-9 * 969.0 * wide.rows as f64;
     println!("  one copy of the matrix of features is {features:.2} GB; pysindy keeps several: it is not run");
     let source = in_memory(&wide, trajectory(&wide));
-    let (_, found) = timed(&wide, &source, rate)?;
+    let (_, fitted) = timed(&wide, &source, rate)?;
     let truth = |state: usize| lorenz_96_truth(state, wide.states);
-    println!("  true supports; coefficients to {:.1e}", check_truth(&wide, &found.coefficients, truth)?);
+    println!("  true supports; coefficients to {:.1e}", check_truth(&wide, &fitted.coefficients, truth)?);
     Ok(())
 }

@@ -54,18 +54,18 @@ fn theirs(record: &Record, lambda: Option<f64>, folder: &Path) -> Result<(String
     let asked = lambda.map_or_else(|| "gcv".to_owned(), |lambda| lambda.to_string());
     let answer = peer("smoothing.py", &[folder, Path::new(&asked)])?;
     let seconds = ["seconds", "processor"].map(|of| answer[of].as_f64().unwrap_or(f64::NAN));
-    let found = read_f64(&folder.join("found.f64")).map_err(|error| error.to_string())?;
-    Ok((answer["version"].as_str().unwrap_or_default().to_owned(), seconds, found))
+    let fitted = read_f64(&folder.join("found.f64")).map_err(|error| error.to_string())?;
+    Ok((answer["version"].as_str().unwrap_or_default().to_owned(), seconds, fitted))
 }
 
 /// The greatest difference over the greatest value.
-fn apart(own: &[f64], other: &[f64]) -> f64 {
+fn apart(ours: &[f64], other: &[f64]) -> f64 {
     let size = other.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
-    own.iter().zip(other).map(|(a, b)| (a - b).abs() / size).fold(0.0, f64::max)
+    ours.iter().zip(other).map(|(a, b)| (a - b).abs() / size).fold(0.0, f64::max)
 }
 
 /// A line of a task's time, and its ratio to that of so many operations at the rate of a core's registers.
-fn told(name: &str, [seconds, processor]: [f64; 2], rows: usize, operations: usize) {
+fn print_speed(name: &str, [seconds, processor]: [f64; 2], rows: usize, operations: usize) {
     let limit = fma_rate().map_or(f64::NAN, |rate| processor * rate / (operations * rows) as f64);
     println!(
         "{name:<24} {seconds:>8.4} s, {processor:>8.4} s of the processor: {:.0} ns a row, {limit:.1} times its operations",
@@ -73,25 +73,25 @@ fn told(name: &str, [seconds, processor]: [f64; 2], rows: usize, operations: usi
     );
 }
 
-fn beside(name: &str, [seconds, processor]: [f64; 2], own: [f64; 2], apart: f64) {
+fn beside(name: &str, [seconds, processor]: [f64; 2], reference: [f64; 2], apart: f64) {
     println!(
         "{name:<24} {seconds:>8.4} s, {processor:>8.4} s of the processor: {:.0} times ours, {:.0} by the clock; {apart:.1e} apart",
-        processor / own[1],
-        seconds / own[0]
+        processor / reference[1],
+        seconds / reference[0]
     );
 }
 
-fn given(record: &Record, folder: &Path) -> Result<(), Box<dyn Error>> {
-    let (seconds, own) = timed(record, Spline::Cubic, Lambda::Given(LAMBDA))?;
+fn fixed_penalty(record: &Record, folder: &Path) -> Result<(), Box<dyn Error>> {
+    let (seconds, cubic) = timed(record, Spline::Cubic, Lambda::Given(LAMBDA))?;
     println!("\nlambda given, {ROWS} rows: values and slopes; ours with their deviations");
-    told("fleetfoot cubic", seconds, ROWS, 165);
+    print_speed("fleetfoot cubic", seconds, ROWS, 165);
     let (quintic, _) = timed(record, Spline::Quintic, Lambda::Given(LAMBDA))?;
-    told("fleetfoot quintic", quintic, ROWS, 600);
+    print_speed("fleetfoot quintic", quintic, ROWS, 600);
     match theirs(record, Some(LAMBDA), folder) {
         Err(reason) => println!("scipy              absent: {reason}"),
-        Ok((version, theirs, found)) => {
-            let (values, slopes) = found.split_at(ROWS);
-            let apart = apart(&own.derivatives[0], values).max(apart(&own.derivatives[1], slopes));
+        Ok((version, theirs, solution)) => {
+            let (values, slopes) = solution.split_at(ROWS);
+            let apart = apart(&cubic.derivatives[0], values).max(apart(&cubic.derivatives[1], slopes));
             beside(&format!("scipy {version}"), theirs, seconds, apart);
             if apart > 1e-8 {
                 return Err("the spline is not that of scipy".into());
@@ -105,17 +105,17 @@ fn chosen(all: &Record, fewer: &Record, folder: &Path) -> Result<(), Box<dyn Err
     println!("\nlambda chosen");
     // Twenty-four penalties of a grid and eight of each of two rounds.
     for (rule, lambda, operations) in [("likelihood", Lambda::Likelihood, 40 * 30), ("gcv", Lambda::Gcv, 40 * 86)] {
-        let (seconds, own) = timed(all, Spline::Cubic, lambda)?;
-        println!("{ROWS} rows, {rule}: noise {:.5}, 0.1 is true", own.noise);
-        told(&format!("fleetfoot {rule}"), seconds, ROWS, operations);
+        let (seconds, smoothed) = timed(all, Spline::Cubic, lambda)?;
+        println!("{ROWS} rows, {rule}: noise {:.5}, 0.1 is true", smoothed.noise);
+        print_speed(&format!("fleetfoot {rule}"), seconds, ROWS, operations);
     }
-    let (seconds, own) = timed(fewer, Spline::Cubic, Lambda::Gcv)?;
+    let (seconds, smoothed) = timed(fewer, Spline::Cubic, Lambda::Gcv)?;
     println!("{FEWER} rows");
-    told("fleetfoot gcv", seconds, FEWER, 40 * 86);
+    print_speed("fleetfoot gcv", seconds, FEWER, 40 * 86);
     match theirs(fewer, None, folder) {
         Err(reason) => println!("scipy                 absent: {reason}"),
-        Ok((version, theirs, found)) => {
-            let apart = apart(&own.derivatives[0], &found[..FEWER]);
+        Ok((version, theirs, solution)) => {
+            let apart = apart(&smoothed.derivatives[0], &solution[..FEWER]);
             beside(&format!("scipy {version} gcv"), theirs, seconds, apart);
         }
     }
@@ -126,7 +126,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cubic smoothing splines; seconds, best of {REPEATS}, one core");
     let folder = tempfile::tempdir()?;
     let (all, fewer) = (record(ROWS), record(FEWER));
-    given(&all, folder.path())?;
+    fixed_penalty(&all, folder.path())?;
     chosen(&all, &fewer, folder.path())?;
     println!("\npeak memory {:.0} MiB", peak_rss_mib());
     Ok(())

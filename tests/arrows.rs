@@ -90,7 +90,7 @@ const ARROWS: [(&str, &[&str]); 32] = [
 ];
 
 #[test]
-fn crates_use_only_what_their_row_allows() {
+fn crates_use_only_allowed_crates() {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
@@ -121,7 +121,7 @@ fn crates_use_only_what_their_row_allows() {
 }
 
 #[test]
-fn build_scripts_read_only_what_their_row_allows() {
+fn build_scripts_read_only_allowed_crates() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
     let mut scripts = 0;
     for (name, allowed) in ARROWS {
@@ -138,25 +138,25 @@ fn build_scripts_read_only_what_their_row_allows() {
 }
 
 /// Sources of a folder and of the folders below it.
-fn sources(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
+fn sources(folder: &Path, files: &mut Vec<std::path::PathBuf>) {
     for entry in fs::read_dir(folder).expect("a folder of sources") {
         let path = entry.expect("an entry").path();
         if path.is_dir() {
-            sources(&path, found);
+            sources(&path, files);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
-            found.push(path);
+            files.push(path);
         }
     }
 }
 
 #[test]
-fn the_instruction_set_is_chosen_in_one_place() {
+fn one_file_chooses_the_instruction_set() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the root of the checkout").join("crates");
-    let mut found = Vec::new();
-    sources(&crates, &mut found);
-    found.retain(|path| {
+    let mut files = Vec::new();
+    sources(&crates, &mut files);
+    files.retain(|path| {
         let text = fs::read_to_string(path).expect("a source");
         ["Arch::new()", "Arch::default()"].iter().any(|call| text.contains(call))
     });
-    assert_eq!(found, [crates.join("data/src/simd.rs")], "kernels are dispatched by `fleetfoot_data::arch`");
+    assert_eq!(files, [crates.join("data/src/simd.rs")], "kernels are dispatched by `fleetfoot_data::arch`");
 }

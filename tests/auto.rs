@@ -32,7 +32,7 @@ fn json(path: &Path) -> serde_json::Value {
 }
 
 #[test]
-fn a_log_gives_a_model_its_page_and_the_recipe_that_finds_it_again() {
+fn logs_give_models_pages_and_recipes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     fs::write(path.join("cart.csv"), cart(1200, 0.0)).unwrap();
@@ -42,10 +42,10 @@ fn a_log_gives_a_model_its_page_and_the_recipe_that_finds_it_again() {
     for file in ["model.json", "recipe.toml", "report.html", "auto.json", "c/model.c"] {
         assert!(path.join("model").join(file).is_file(), "{file}");
     }
-    let found = json(&path.join("model/auto.json"));
-    assert_eq!(found["sentences"].as_array().unwrap().len(), 5);
-    assert!(found["warning"].is_null(), "{found}");
-    for state in found["tested"].as_array().unwrap() {
+    let report = json(&path.join("model/auto.json"));
+    assert_eq!(report["sentences"].as_array().unwrap().len(), 5);
+    assert!(report["warning"].is_null(), "{report}");
+    for state in report["tested"].as_array().unwrap() {
         let number = |key: &str| state[key].as_f64().unwrap();
         let [rmse, low, high] = [0, 1, 2].map(|at| state["rmse"][at].as_f64().unwrap());
         assert!(rmse < 0.2 * number("persistence") && rmse < 0.2 * number("mean"), "{state}");
@@ -60,7 +60,7 @@ fn a_log_gives_a_model_its_page_and_the_recipe_that_finds_it_again() {
         assert!(first == second, "{file}");
     }
     // The printed error of the test is that of the model that is written.
-    let steps = found["horizon"]["steps"].as_u64().unwrap().to_string();
+    let steps = report["horizon"]["steps"].as_u64().unwrap().to_string();
     let rolled = fleetfoot(
         path,
         &[
@@ -85,27 +85,27 @@ fn a_log_gives_a_model_its_page_and_the_recipe_that_finds_it_again() {
         rmse.iter().filter_map(|step| step[state].as_f64()).fold((0.0, 0.0), |(s, n), e| (s + e * e, n + 1.0))
     };
     let (sum, count) = last(0);
-    let printed = found["tested"][0]["rmse"][0].as_f64().unwrap();
+    let printed = report["tested"][0]["rmse"][0].as_f64().unwrap();
     assert!(((sum / count).sqrt() / printed - 1.0f64).abs() < 0.3, "{} {printed}", (sum / count).sqrt());
 }
 
 #[test]
-fn stamps_that_jitter_are_made_even_and_the_recipe_says_so() {
+fn jittering_stamps_are_resampled_and_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     fs::write(path.join("cart.csv"), cart(1000, 0.015)).unwrap();
     let shown = fleetfoot(path, &["auto", "cart.csv", "--effort", "low", "--json"]).ok();
-    let found = shown.json();
-    assert!(found["findings"].as_array().unwrap().iter().any(|own| own["fault"] == "jitter"), "{found}");
+    let report = shown.json();
+    assert!(report["findings"].as_array().unwrap().iter().any(|finding| finding["fault"] == "jitter"), "{report}");
     let recipe = fs::read_to_string(path.join("model/recipe.toml")).unwrap();
     assert!(recipe.contains("rate = 50"), "{recipe}");
-    assert!(found["tested"][0]["rmse"][0].as_f64() < found["tested"][0]["persistence"].as_f64());
+    assert!(report["tested"][0]["rmse"][0].as_f64() < report["tested"][0]["persistence"].as_f64());
     // These rows are even, and their stamps are not.
-    assert!(found["chosen"].as_str().unwrap().starts_with("rows as they come"), "{}", found["chosen"]);
+    assert!(report["chosen"].as_str().unwrap().starts_with("rows as they come"), "{}", report["chosen"]);
 }
 
 #[test]
-fn nothing_is_claimed_of_a_log_of_noise() {
+fn noise_logs_claim_no_model() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let mut text = String::from("t,a,b\n");
@@ -137,12 +137,12 @@ fn a_stop_writes_the_best_so_far() {
     std::thread::sleep(std::time::Duration::from_secs(3));
     assert!(!running.has_ended());
     running.signal("INT");
-    let said = running.end(std::time::Duration::from_secs(60));
+    let output = running.end(std::time::Duration::from_secs(60));
     // On a machine that is busy no candidate may be done yet, and nothing is written then.
-    if said.code == 130 {
-        assert!(!path.join("model").exists(), "{}", said.err);
+    if output.code == 130 {
+        assert!(!path.join("model").exists(), "{}", output.err);
         return;
     }
-    assert!(said.code == 0 && said.err.contains("stopped after"), "{}{}", said.out, said.err);
+    assert!(output.code == 0 && output.err.contains("stopped after"), "{}{}", output.out, output.err);
     assert_eq!(json(&path.join("model/auto.json"))["stopped"], true);
 }

@@ -31,7 +31,7 @@ fn changed(rows: usize, change: impl Fn(usize, &mut Vec<String>)) -> String {
 const FIT: [&str; 11] =
     ["fit", "pwa", "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "-o", "model.json"];
 
-fn fit(folder: &Path, more: &[&str]) -> Said {
+fn fit(folder: &Path, more: &[&str]) -> Run {
     let mut arguments = FIT.to_vec();
     arguments.extend(more);
     fleetfoot(folder, &arguments)
@@ -72,7 +72,7 @@ fn unknown_columns_name_the_nearest() {
 }
 
 #[test]
-fn a_recipe_with_an_error_names_its_line() {
+fn recipe_errors_name_their_line() {
     let folder = folder(&[("log.csv", &robot_csv(100, 0.0)), ("bad.toml", "[states]\nv = { derivativ = \"auto\" }\n")]);
     fit(folder.path(), &["-c", "bad.toml"]).fails(&["bad.toml", "line 2", "derivativ"]);
 }
@@ -85,13 +85,13 @@ fn missing_values_are_left_out_and_counted() {
         }
     });
     let folder = folder(&[("log.csv", &text)]);
-    let found = fit(folder.path(), &["--json"]).ok().json();
-    assert_eq!(found["rows_incomplete"], 10);
-    assert!(found["notes"].to_string().contains("missing value"));
+    let report = fit(folder.path(), &["--json"]).ok().json();
+    assert_eq!(report["rows_incomplete"], 10);
+    assert!(report["notes"].to_string().contains("missing value"));
 }
 
 #[test]
-fn gaps_and_backward_stamps_begin_episodes_and_repeated_ones_are_dropped() {
+fn gaps_begin_episodes_and_repeats_are_dropped() {
     let gap = changed(1000, |row, cells| {
         if (400..450).contains(&row) {
             cells.clear();
@@ -112,8 +112,8 @@ fn gaps_and_backward_stamps_begin_episodes_and_repeated_ones_are_dropped() {
         let plan = fit(folder.path(), &["--dry-run", "--json"]).ok().json();
         assert_eq!((plan["episodes"].as_u64(), plan["rows"].as_u64()), (Some(episodes), Some(rows)));
         // A central difference needs a neighbour on both sides: two rows are lost to every episode.
-        let found = fit(folder.path(), &["--json"]).ok().json();
-        assert_eq!(found["rows_at_border"].as_u64(), Some(2 * episodes));
+        let report = fit(folder.path(), &["--json"]).ok().json();
+        assert_eq!(report["rows_at_border"].as_u64(), Some(2 * episodes));
     }
 }
 
@@ -124,8 +124,8 @@ fn constant_columns_and_too_few_rows() {
     fit(folder_a.path(), &[]).fails(&["d(v)/dt", "same value"]);
     let input = changed(300, |_, cells| cells[3] = "1.5".into());
     let folder_b = folder(&[("log.csv", &input)]);
-    let said = fit(folder_b.path(), &[]).ok();
-    assert!(said.err.contains("u does not change"), "{}", said.err);
+    let output = fit(folder_b.path(), &[]).ok();
+    assert!(output.err.contains("u does not change"), "{}", output.err);
     let folder_c = folder(&[("log.csv", &robot_csv(5, 0.0))]);
     fit(folder_c.path(), &[]).fails(&["too few"]);
     fleetfoot(folder_b.path(), &["rollout", "model.json", "log.csv", "--horizon", "5000"]).fails(&["5000", "horizon"]);
@@ -173,7 +173,7 @@ fn damaged_files_are_refused() {
 }
 
 #[test]
-fn inputs_are_never_overwritten_and_nothing_half_written_stays() {
+fn inputs_are_never_overwritten() {
     let folder = folder(&[("log.csv", &robot_csv(400, 0.0))]);
     fit(folder.path(), &[]).ok();
     let before = fs::read(folder.path().join("log.csv")).unwrap();
@@ -205,37 +205,37 @@ fn labels_unseen_in_training() {
 
 /// Rows without a label are in no region: every method has a note, with the place.
 #[test]
-fn labels_that_are_missing_and_labels_of_few_rows_are_told() {
+fn missing_and_rare_labels_are_named() {
     let gaps =
         changed(600, |row, cells| cells[4] = if row % 10 == 3 { String::new() } else { (row / 300).to_string() });
     let rare = changed(600, |row, cells| cells[4] = if row == 200 { "7" } else { "0" }.into());
     let folder = folder(&[("log.csv", &gaps), ("rare.csv", &rare)]);
     let run = |arguments: &str| fleetfoot(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>()).ok().err;
-    let told = fit(folder.path(), &["--partition", "average,labels:mode"]).ok().err;
-    assert!(told.contains("60 rows with a missing value") && told.contains("`mode` in row 4 of log.csv"), "{told}");
-    let told = run("fit sindy log.csv --states x --inputs u --degree 1 --partition labels:mode -o s.json");
-    assert!(told.contains("`mode` in row 4 of log.csv"), "{told}");
-    let told = run(
+    let notes = fit(folder.path(), &["--partition", "average,labels:mode"]).ok().err;
+    assert!(notes.contains("60 rows with a missing value") && notes.contains("`mode` in row 4 of log.csv"), "{notes}");
+    let notes = run("fit sindy log.csv --states x --inputs u --degree 1 --partition labels:mode -o s.json");
+    assert!(notes.contains("`mode` in row 4 of log.csv"), "{notes}");
+    let notes = run(
         "fit narx log.csv --outputs x --inputs u --lags-out 1 --lags-in 1 --degree 1 --partition labels:mode -o n.json",
     );
-    assert!(told.contains("labels:mode: 60 of 599 rows have no label"), "{told}");
+    assert!(notes.contains("labels:mode: 60 of 599 rows have no label"), "{notes}");
     run("scan log.csv --states x --inputs u --predict next --partition labels:mode -o log.stats");
-    let told = run("fit pwa log.stats --partition average,labels:mode -o p.json");
-    assert!(told.contains("labels:mode: 60 of 599 rows have no label"), "{told}");
-    let told = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode -o r.json");
+    let notes = run("fit pwa log.stats --partition average,labels:mode -o p.json");
+    assert!(notes.contains("labels:mode: 60 of 599 rows have no label"), "{notes}");
+    let notes = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode -o r.json");
     assert!(
-        told.contains("labels:mode: 1 of 2 regions (the first: 7) have fewer rows than the 3 coefficients"),
-        "{told}"
+        notes.contains("labels:mode: 1 of 2 regions (the first: 7) have fewer rows than the 3 coefficients"),
+        "{notes}"
     );
     let pulled =
         run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode --shrinkage 5 -o r.json");
     assert!(!pulled.contains("fewer rows"), "{pulled}");
-    let told = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode+kmeans:3 -o r.json");
-    assert!(told.contains("mode 7: kmeans:3: only 1 different position to cluster"), "{told}");
+    let notes = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode+kmeans:3 -o r.json");
+    assert!(notes.contains("mode 7: kmeans:3: only 1 different position to cluster"), "{notes}");
 }
 
 #[test]
-fn folds_that_leave_nothing_to_train_on_are_refused() {
+fn folds_without_training_rows_are_refused() {
     let folder = folder(&[("log.csv", &robot_csv(500, 0.0))]);
     fit(folder.path(), &["--folds", "10", "--purge", "1.0"]).fails(&["purge", "100 rows", "50 rows"]);
     fit(folder.path(), &["--folds", "2", "--purge", "3.0"]).fails(&["purge"]);
@@ -245,7 +245,7 @@ fn folds_that_leave_nothing_to_train_on_are_refused() {
 }
 
 #[test]
-fn results_are_not_written_under_a_misleading_name() {
+fn misleading_file_names_are_refused() {
     let folder = folder(&[("log.csv", &robot_csv(500, 0.0))]);
     fit(folder.path(), &[]).ok();
     fleetfoot(folder.path(), &["predict", "model.json", "log.csv", "-o", "pred.xlsx"]).fails(&[
@@ -267,7 +267,7 @@ fn the_same_log_twice_is_refused() {
 
 /// A log without a column of the recipe, or of the model.
 #[test]
-fn a_missing_column_is_told_with_where_to_look() {
+fn missing_columns_suggest_where_to_look() {
     let log = robot_csv(300, 0.3);
     let without = log.replacen(",u,", ",push,", 1);
     let folder = folder(&[("log.csv", &log), ("other.csv", &without)]);
@@ -331,7 +331,7 @@ fn text_is_no_number() {
         "as in 1000.00",
     ]);
     let word = ["log.csv", "`mode`", "\"auto\" in row 1", "--partition labels:mode", "--where \"mode == 'auto'\""];
-    for (arguments, what) in [
+    for (arguments, message) in [
         (&["fit", "pwa", "log.csv", "--states", "p", "--inputs", "mode", "--predict", "next"][..], "the input"),
         (&["fit", "pwa", "log.csv", "--predict", "mode", "--inputs", "u"], "the column"),
         (&["fit", "pwa", "log.csv", "--recipe", "sum.toml"], "the input `twice` reads"),
@@ -341,7 +341,7 @@ fn text_is_no_number() {
         (&["scan", "log.csv", "--recipe", "rate.toml"], "the state"),
     ] {
         let output: &[&str] = if arguments[0] == "scan" { &["-o", "log.stats"] } else { &["-o", "model.json"] };
-        run(arguments, output).fails(&[&word[..], &[what]].concat());
+        run(arguments, output).fails(&[&word[..], &[message]].concat());
     }
     run(
         &["fit", "pwa", "log.csv", "--partition-on", "mode", "--partition", "kmeans:2"],
@@ -359,7 +359,7 @@ fn text_is_no_number() {
         "label of [[episodes]]",
         "labels are text",
     ]);
-    // What a model read in training is read as numbers in other logs too.
+    // Columns that a model read in training are read as numbers in other logs too.
     run(&[&["fit", "pwa", "log.csv"][..], &next].concat(), &average).ok();
     run(&["score", "model.json", "grouped.csv"], &[]).fails(&["the state `p`", "\"1.000,00\""]);
     // Labels, phases and conditions are what words are for.
@@ -371,7 +371,7 @@ fn text_is_no_number() {
 
 /// A log in which nothing moves is no success: any model is perfect on it.
 #[test]
-fn a_target_that_does_not_vary_is_refused() {
+fn constant_targets_are_refused() {
     let rows = |row: &dyn Fn(usize) -> String| {
         format!("t,x,v,u\n{}", (0..400).map(|k| format!("{:.2},{}\n", 0.01 * k as f64, row(k))).collect::<String>())
     };
@@ -433,13 +433,13 @@ fn a_target_that_does_not_vary_is_refused() {
     let moving = robot_csv(400, 0.3).replace("v [m/s]", "v");
     std::fs::write(folder.path().join("moving.csv"), moving).expect("a file");
     fit("sindy", &["moving.csv", "--states", "v", "--inputs", "u"]).ok();
-    let said = fleetfoot(folder.path(), &["score", "model.json", "zero.csv"]).ok();
-    assert!(said.err.contains("d(v)/dt has the same value in all rows that were scored"), "{}", said.err);
+    let output = fleetfoot(folder.path(), &["score", "model.json", "zero.csv"]).ok();
+    assert!(output.err.contains("d(v)/dt has the same value in all rows that were scored"), "{}", output.err);
 }
 
 /// Spans at rest count for nothing: this model is unstable, and looked good on the spans in which nothing moves.
 #[test]
-fn spans_at_rest_are_no_success_of_a_free_run() {
+fn resting_spans_are_no_success() {
     let mut v = 0.0;
     let rows: String = (0..400)
         .map(|k| {
@@ -453,8 +453,8 @@ fn spans_at_rest_are_no_success_of_a_free_run() {
     let orders = ["--lags-out", "1", "--lags-in", "1", "--degree", "1"];
     let arguments =
         [&["fit", "narx", "log.csv", "--states", "v", "--inputs", "u", "-o", "m.json"][..], &orders].concat();
-    let told = fleetfoot(folder.path(), &arguments).ok().out;
-    assert!(told.contains("2 of them are ignored") && told.contains("spans -, -, "), "{told}");
+    let text = fleetfoot(folder.path(), &arguments).ok().out;
+    assert!(text.contains("2 of them are ignored") && text.contains("spans -, -, "), "{text}");
     let json = fleetfoot(folder.path(), &[&arguments[..], &["--json"]].concat()).ok().json();
     let folds = json["held_out"]["folds"].as_array().unwrap();
     assert!(folds[0].is_null() && folds[1].is_null() && folds[2].is_number(), "{folds:?}");
@@ -462,7 +462,7 @@ fn spans_at_rest_are_no_success_of_a_free_run() {
 
 /// The answer to a slip has the intended word.
 #[test]
-fn slips_are_told_with_their_mend() {
+fn misused_commands_suggest_the_mend() {
     let log = robot_csv(300, 0.1);
     let known = |right: &str, more: &str| {
         format!(
@@ -509,21 +509,22 @@ fn slips_are_told_with_their_mend() {
     let fit = ["fit", "pwa", "log.csv", "--states", "x", "--inputs", "u", "-p", "average"];
     run(&[&fit[..], &["-o", "-"]].concat()).fails(&["-: cannot", "/dev/stdout"]);
     run(&[&fit[..], &["-o", "unit.toml"]].concat()).fails(&["unit.toml", "a recipe has this name"]);
-    // What a command makes again is replaced, and a note says so.
+    // A command that repeats its output replaces it, with a note.
     assert!(!run(&[&fit[..], &to].concat()).ok().err.contains("replaces"));
     assert!(run(&[&fit[..], &to].concat()).ok().err.contains("note: model.json exists; the result replaces it"));
     let export = ["export", "model.json", "--to", "c", "-o", "c"];
     assert!(!run(&export).ok().err.contains("replaced"));
     assert!(run(&export).ok().err.contains("was there and is replaced"));
-    let told = run(&["score", "model.json", "other.csv"]).fails(&["other.csv: column", "of the model", "pwa average"]);
+    let message =
+        run(&["score", "model.json", "other.csv"]).fails(&["other.csv: column", "of the model", "pwa average"]);
     let shown = run(&["show", "model.json"]).ok().out;
     let hash = shown.lines().next().unwrap().split_whitespace().find(|word| word.ends_with(':')).unwrap();
-    assert!(told.contains(hash.trim_end_matches(':')), "{told}\n{shown}");
+    assert!(message.contains(hash.trim_end_matches(':')), "{message}\n{shown}");
 }
 
 /// `info` on several files reports the unit that a fit of them takes: the one that fits all of them.
 #[test]
-fn info_of_several_files_agrees_with_a_fit_of_them() {
+fn info_and_fit_agree_on_files() {
     let text = |period: i64| {
         let rows = (0..120).map(|row| format!("{},{}\n", 20_300_000 + row * period, (row * 37) % 17));
         std::iter::once("timestamp,x\n".to_owned()).chain(rows).collect::<String>()
@@ -538,6 +539,6 @@ fn info_of_several_files_agrees_with_a_fit_of_them() {
         assert!(clock["unit"] == "us" && clock["assumed"].as_str().unwrap().contains("fits all files"), "{clock}");
     }
     let fit = ["fit", "pwa", "slow.csv", "fast.csv", "--states", "x", "-p", "average"];
-    let said = fleetfoot(folder.path(), &fit).ok();
-    assert!(said.err.contains("taken as us: the only unit that fits all files"), "{}", said.err);
+    let output = fleetfoot(folder.path(), &fit).ok();
+    assert!(output.err.contains("taken as us: the only unit that fits all files"), "{}", output.err);
 }

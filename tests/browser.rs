@@ -51,14 +51,14 @@ fn opened(browser: &Path, folder: &Path, name: &str, width: u32, dark: bool) -> 
         .output()
         .expect("the browser runs");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!said.contains("CONSOLE"), "{said}");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(!errors.contains("CONSOLE"), "{errors}");
     let title = text.split("<title>").nth(1).and_then(|rest| rest.split("</title>").next());
     title.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&output.stderr))).to_owned()
 }
 
 #[test]
-fn a_browser_draws_every_figure_on_wide_and_narrow_pages() {
+fn browsers_draw_every_figure() {
     let Some(browser) = chromium() else {
         eprintln!("no Chromium is installed: pages were not opened");
         return;
@@ -66,14 +66,14 @@ fn a_browser_draws_every_figure_on_wide_and_narrow_pages() {
     let folder = models(1200);
     fleetfoot(folder.path(), &["report", "model.json", "held-out.csv", "--horizon", "40"]).ok();
     for (width, dark) in [(375, false), (375, true), (1440, false), (1440, true)] {
-        let told = opened(&browser, folder.path(), "report.html", width, dark);
-        assert!(told.starts_with("fits figures"), "{width}: {told}");
-        let words: Vec<&str> = told.split_whitespace().collect();
-        assert!(words[2] == words[4] && words[2].parse::<usize>().is_ok_and(|figures| figures >= 12), "{told}");
+        let summary = opened(&browser, folder.path(), "report.html", width, dark);
+        assert!(summary.starts_with("fits figures"), "{width}: {summary}");
+        let words: Vec<&str> = summary.split_whitespace().collect();
+        assert!(words[2] == words[4] && words[2].parse::<usize>().is_ok_and(|figures| figures >= 12), "{summary}");
         let number = |place: usize| words[place].parse::<f64>().expect("a number");
-        assert_eq!((words[6], number(8)), ("6", 0.0), "{told}");
+        assert_eq!((words[6], number(8)), ("6", 0.0), "{summary}");
         // Light paper or dark, and texts that WCAG 2.1 (1.4.3) calls readable.
-        assert!(if dark { number(10) < 0.05 } else { number(10) > 0.9 }, "{told}");
-        assert!(number(12) >= 4.5, "{told}");
+        assert!(if dark { number(10) < 0.05 } else { number(10) > 0.9 }, "{summary}");
+        assert!(number(12) >= 4.5, "{summary}");
     }
 }

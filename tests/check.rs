@@ -8,19 +8,19 @@ use crate::runner::*;
 fn sound(rows: usize, seed: f64) -> Vec<[f64; 9]> {
     let dt = 0.01;
     let (mut x, mut y, mut yaw, mut v, mut w) = (0.0f64, 0.0f64, 0.3f64, 0.2f64, 0.0f64);
-    let mut found = Vec::with_capacity(rows);
+    let mut log = Vec::with_capacity(rows);
     for row in 0..rows {
         let t = dt * row as f64;
         let throttle = (0.7 * t + seed).sin() + 0.4 * (2.9 * t).cos() + 0.2 * (7.3 * t + seed).sin();
         let steer = (0.4 * t).cos() + 0.7 * (1.7 * t + 2.0 * seed).sin();
-        found.push([t, x, y, yaw, v * yaw.cos(), v * yaw.sin(), w, throttle, steer]);
+        log.push([t, x, y, yaw, v * yaw.cos(), v * yaw.sin(), w, throttle, steer]);
         x += dt * v * yaw.cos();
         y += dt * v * yaw.sin();
         yaw = (yaw + dt * w + PI).rem_euclid(2.0 * PI) - PI;
         v += dt * (2.0 * throttle - 1.5 * v);
         w += dt * (6.0 * steer - 3.0 * w);
     }
-    found
+    log
 }
 
 const RECIPE: &str = "[states]\nx = {}\ny = {}\nyaw = { kind = \"angle\" }\nvx = {}\nvy = {}\nyaw_rate = {}\n\
@@ -40,10 +40,10 @@ fn text(rows: &[[f64; 9]]) -> String {
 fn faults(path: &Path, text: &str, more: &[&str]) -> Vec<(String, String)> {
     fs::write(path.join("log.csv"), text).unwrap();
     fs::write(path.join("robot.toml"), RECIPE).unwrap();
-    let found = fleetfoot(path, &[&["check", "log.csv", "--json"], more].concat()).ok().json();
-    let own = |finding: &serde_json::Value, key: &str| finding[key].as_str().unwrap_or_default().to_owned();
-    let findings = found["findings"].as_array().expect("findings").iter();
-    findings.map(|one| (own(one, "fault"), own(one, "place"))).collect()
+    let report = fleetfoot(path, &[&["check", "log.csv", "--json"], more].concat()).ok().json();
+    let field = |finding: &serde_json::Value, key: &str| finding[key].as_str().unwrap_or_default().to_owned();
+    let findings = report["findings"].as_array().expect("findings").iter();
+    findings.map(|finding| (field(finding, "fault"), field(finding, "place"))).collect()
 }
 
 #[test]
@@ -51,32 +51,32 @@ fn faults_in_sound_logs_have_their_names() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let rows = sound(4000, 0.0);
-    let found = |change: &dyn Fn(usize, &mut [f64; 9])| {
+    let faults_after = |change: &dyn Fn(usize, &mut [f64; 9])| {
         let mut rows = rows.clone();
         rows.iter_mut().enumerate().for_each(|(at, row)| change(at, row));
         faults(path, &text(&rows), &["-c", "robot.toml"])
     };
-    let is = |found: Vec<(String, String)>, fault: &str, place: &str| {
-        assert_eq!(found, [(fault.to_owned(), place.to_owned())]);
+    let is = |listed: Vec<(String, String)>, fault: &str, place: &str| {
+        assert_eq!(listed, [(fault.to_owned(), place.to_owned())]);
     };
-    assert_eq!(found(&|_, _| {}), []);
-    is(found(&|at, row| row[4] = rows[at.saturating_sub(2)][4]), "delay", "vx");
-    is(found(&|at, row| row[6] += if at % 20 == 7 { 60.0 } else { 0.0 }), "gross-errors", "yaw_rate");
-    is(found(&|at, row| row[1] = if (900..1300).contains(&at) { 0.123 } else { row[1] }), "stuck", "x");
-    is(found(&|_, row| row[6] = row[6].to_degrees()), "unit", "yaw_rate");
-    is(found(&|_, row| row.swap(4, 5)), "swapped-axes", "vx");
-    is(found(&|_, row| row[6] = -row[6]), "sign", "yaw_rate");
-    is(found(&|_, row| row[8] = 0.5), "dead", "steer");
-    is(found(&|at, row| row[5] = if at % 30 < 3 { f64::NAN } else { row[5] }), "missing", "vy");
-    is(found(&|_, row| row[4] = row[4].min(0.4)), "saturated", "vx");
-    is(found(&|at, row| row[0] += [0.0, 0.003, -0.003, 0.001][at % 4]), "jitter", "stamps of the rows");
+    assert_eq!(faults_after(&|_, _| {}), []);
+    is(faults_after(&|at, row| row[4] = rows[at.saturating_sub(2)][4]), "delay", "vx");
+    is(faults_after(&|at, row| row[6] += if at % 20 == 7 { 60.0 } else { 0.0 }), "gross-errors", "yaw_rate");
+    is(faults_after(&|at, row| row[1] = if (900..1300).contains(&at) { 0.123 } else { row[1] }), "stuck", "x");
+    is(faults_after(&|_, row| row[6] = row[6].to_degrees()), "unit", "yaw_rate");
+    is(faults_after(&|_, row| row.swap(4, 5)), "swapped-axes", "vx");
+    is(faults_after(&|_, row| row[6] = -row[6]), "sign", "yaw_rate");
+    is(faults_after(&|_, row| row[8] = 0.5), "dead", "steer");
+    is(faults_after(&|at, row| row[5] = if at % 30 < 3 { f64::NAN } else { row[5] }), "missing", "vy");
+    is(faults_after(&|_, row| row[4] = row[4].min(0.4)), "saturated", "vx");
+    is(faults_after(&|at, row| row[0] += [0.0, 0.003, -0.003, 0.001][at % 4]), "jitter", "stamps of the rows");
     // Messages that are lost.
     let kept: Vec<[f64; 9]> = rows.iter().enumerate().filter(|(at, _)| at % 40 != 11).map(|(_, row)| *row).collect();
     is(faults(path, &text(&kept), &["-c", "robot.toml"]), "dropped", "stamps of the rows");
     // A heading in degrees that jumps at 180.
-    let degrees = found(&|_, row| row[3] = row[3].to_degrees());
+    let degrees = faults_after(&|_, row| row[3] = row[3].to_degrees());
     assert!(degrees.contains(&("unit".into(), "yaw".into())), "{degrees:?}");
-    let at_rest = found(&|_, row| row[1..].fill(1.0));
+    let at_rest = faults_after(&|_, row| row[1..].fill(1.0));
     assert!(at_rest.contains(&("at-rest".into(), "all states".into())), "{at_rest:?}");
 }
 
@@ -92,18 +92,18 @@ fn sound_logs_have_no_fault() {
 }
 
 #[test]
-fn findings_are_printed_with_what_mends_them_and_strict_ends_with_an_error() {
+fn findings_name_a_mend_and_strict_fails() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let mut rows = sound(2000, 1.0);
     fs::write(path.join("sound.csv"), text(&rows)).unwrap();
     rows.iter_mut().for_each(|row| row[8] = 0.5);
     fs::write(path.join("log.csv"), text(&rows)).unwrap();
-    let said = fleetfoot(path, &["check", "log.csv"]).ok().out;
+    let output = fleetfoot(path, &["check", "log.csv"]).ok().out;
     for part in
         ["2000 rows, 100", "8 channels looked at", "steer: it is 0.5 in every row", "-> leave it out", "1 finding."]
     {
-        assert!(said.contains(part), "{part} is missing from {said}");
+        assert!(output.contains(part), "{part} is missing from {output}");
     }
     fleetfoot(path, &["check", "log.csv", "--strict"]).fails(&["--strict: 1 finding"]);
     let sound = fleetfoot(path, &["check", "sound.csv", "--strict"]).ok().out;
@@ -115,7 +115,7 @@ fn findings_are_printed_with_what_mends_them_and_strict_ends_with_an_error() {
 }
 
 #[test]
-fn info_tells_correlations_and_the_lag_of_a_response() {
+fn info_has_correlations_and_response_lags() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let level = |k: usize| (((k / 50) * (k / 50)) as f64).sin();
@@ -125,16 +125,17 @@ fn info_tells_correlations_and_the_lag_of_a_response() {
         let _ = writeln!(text, "{:.2},{r:.9},{v:.9},{:.9},1", 0.01 * k as f64, 3.0 - 2.0 * r);
     }
     fs::write(path.join("log.csv"), text).unwrap();
-    let found =
+    let report =
         fleetfoot(path, &["info", "log.csv", "--correlation", "--columns", "r,opposite,v", "--json"]).ok().json();
     assert!(
-        (found["matrix"][0][1].as_f64().unwrap() + 1.0).abs() < 1e-9 && found["matrix"][0][2].as_f64().unwrap() < 0.99
+        (report["matrix"][0][1].as_f64().unwrap() + 1.0).abs() < 1e-9
+            && report["matrix"][0][2].as_f64().unwrap() < 0.99
     );
     let text = fleetfoot(path, &["info", "log.csv", "--correlation", "--columns", "r,opposite"]).ok().out;
     assert!(text.contains("-1.000 r and opposite"), "{text}");
-    let found = fleetfoot(path, &["info", "log.csv", "--lag", "r,v", "--reach", "20", "--json"]).ok().json();
-    assert_eq!([&found["nearest"], &found["alike"]], [&serde_json::json!(7), &serde_json::json!(7)]);
-    let shift = found["shifts"].as_array().unwrap().iter().find(|own| own["rows"] == 7).unwrap();
+    let report = fleetfoot(path, &["info", "log.csv", "--lag", "r,v", "--reach", "20", "--json"]).ok().json();
+    assert_eq!([&report["nearest"], &report["alike"]], [&serde_json::json!(7), &serde_json::json!(7)]);
+    let shift = report["shifts"].as_array().unwrap().iter().find(|entry| entry["rows"] == 7).unwrap();
     assert!(shift["difference"].as_f64().unwrap() < 1e-12 && shift["pairs"] == 1493, "{shift}");
     let short = fleetfoot(path, &["info", "log.csv", "--lag", "r,v", "--reach", "3"]).ok();
     assert!(short.err.contains("the lag may be longer"), "{}", short.err);

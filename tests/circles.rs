@@ -61,13 +61,13 @@ fn read(folder: &Path, parent: Vec<String>, modules: &mut Crate) {
         if stem.starts_with("tests") || stem == "bin" {
             continue;
         }
-        let own: Vec<String> = parent.iter().cloned().chain([stem.clone()]).collect();
+        let name: Vec<String> = parent.iter().cloned().chain([stem.clone()]).collect();
         if path.is_dir() {
-            read(&path, own, modules);
+            read(&path, name, modules);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
             let root = parent.is_empty() && ["lib", "main"].contains(&stem.as_str());
             let text = fs::read_to_string(&path).expect("a source file");
-            modules.insert(if root { Vec::new() } else { own }, module(&tokens(&text)));
+            modules.insert(if root { Vec::new() } else { name }, module(&tokens(&text)));
         }
     }
 }
@@ -75,8 +75,8 @@ fn read(folder: &Path, parent: Vec<String>, modules: &mut Crate) {
 /// Names, `::`, texts in their quotes, and single signs; no comments, numbers or lifetimes.
 pub(crate) fn tokens(text: &str) -> Vec<String> {
     let signs: Vec<char> = text.chars().collect();
-    let (mut found, mut at) = (Vec::new(), 0);
-    let starts = |at: usize, what: &str| what.chars().enumerate().all(|(i, c)| signs.get(at + i) == Some(&c));
+    let (mut list, mut at) = (Vec::new(), 0);
+    let starts = |at: usize, pattern: &str| pattern.chars().enumerate().all(|(i, c)| signs.get(at + i) == Some(&c));
     while at < signs.len() {
         let sign = signs[at];
         if starts(at, "//") {
@@ -90,7 +90,7 @@ pub(crate) fn tokens(text: &str) -> Vec<String> {
             at += 2;
         } else if (sign == 'r' || starts(at, "br")) && raw(&signs, at).is_some() {
             let end = raw(&signs, at).unwrap_or(at);
-            found.push(format!("\"{}", signs[at..end].iter().collect::<String>()));
+            list.push(format!("\"{}", signs[at..end].iter().collect::<String>()));
             at = end;
         } else if sign == '"' {
             let begun = at;
@@ -99,7 +99,7 @@ pub(crate) fn tokens(text: &str) -> Vec<String> {
                 at += if signs[at] == '\\' { 2 } else { 1 };
             }
             at += 1;
-            found.push(signs[begun..at].iter().collect());
+            list.push(signs[begun..at].iter().collect());
         } else if sign == '\'' {
             // A character ends with a quote; a lifetime does not.
             at += match (signs.get(at + 1), signs.get(at + 2)) {
@@ -109,21 +109,21 @@ pub(crate) fn tokens(text: &str) -> Vec<String> {
             };
         } else if sign.is_alphabetic() || sign == '_' {
             let end = at + signs[at..].iter().take_while(|c| c.is_alphanumeric() || **c == '_').count();
-            found.push(signs[at..end].iter().collect());
+            list.push(signs[at..end].iter().collect());
             at = end;
         } else if sign.is_numeric() {
             at += signs[at..].iter().take_while(|c| c.is_alphanumeric() || **c == '_').count();
         } else if starts(at, "::") {
-            found.push("::".into());
+            list.push("::".into());
             at += 2;
         } else {
             if !sign.is_whitespace() {
-                found.push(sign.into());
+                list.push(sign.into());
             }
             at += 1;
         }
     }
-    found
+    list
 }
 
 /// The end of a raw text that begins here.
@@ -142,14 +142,14 @@ pub(crate) fn is_test(tokens: &[String], at: usize) -> bool {
     is(tokens, at, &["#", "[", "cfg", "(", "test"]) || is(tokens, at, &["#", "[", "cfg", "(", "all", "(", "test"])
 }
 
-fn is(tokens: &[String], at: usize, what: &[&str]) -> bool {
-    what.iter().enumerate().all(|(i, w)| tokens.get(at + i).is_some_and(|t| t == w))
+fn is(tokens: &[String], at: usize, pattern: &[&str]) -> bool {
+    pattern.iter().enumerate().all(|(i, w)| tokens.get(at + i).is_some_and(|t| t == w))
 }
 
 /// Imports and names of a file, without its tests.
 fn module(tokens: &[String]) -> Module {
     let (mut module, mut at) = (Module::default(), 0);
-    let is = |at: usize, what: &[&str]| is(tokens, at, what);
+    let is = |at: usize, pattern: &[&str]| is(tokens, at, pattern);
     while at < tokens.len() {
         if is_test(tokens, at) {
             at = after_item(tokens, at + 1);
@@ -245,7 +245,7 @@ fn tree(tokens: &[String], before: &[String], imports: &mut BTreeMap<String, Vec
 
 /// The modules that a module uses, with the names that it takes from each.
 fn uses(modules: &Crate, module: &[String]) -> BTreeMap<Vec<String>, Vec<String>> {
-    let mut found: BTreeMap<Vec<String>, Vec<String>> = BTreeMap::new();
+    let mut used: BTreeMap<Vec<String>, Vec<String>> = BTreeMap::new();
     let globs = modules[module].imports.iter().filter(|(name, _)| name.ends_with("::*")).map(|(_, path)| {
         // A glob uses the module of which it takes everything.
         path.iter().cloned().chain(["*".to_owned()]).collect::<Vec<_>>()
@@ -254,10 +254,10 @@ fn uses(modules: &Crate, module: &[String]) -> BTreeMap<Vec<String>, Vec<String>
         if let Some(place) = stands(modules, module, &path, 0)
             && place != module
         {
-            found.entry(place).or_default().push(path.last().cloned().unwrap_or_default());
+            used.entry(place).or_default().push(path.last().cloned().unwrap_or_default());
         }
     }
-    found
+    used
 }
 
 /// The module that defines a path's name, if it is one of the crate's and no module itself.

@@ -52,18 +52,18 @@ fn write_log(path: &Path) {
     for row in 0..8000 {
         let t = 0.005 * row as f64;
         let log = START + ((t + 0.002 + 0.001 * noise(1, row)) * 1e9) as i64;
-        let own = header(t);
+        let head = header(t);
         let angular_velocity = [0.0, 0.0, rate(t) + 0.02 * noise(2, row)];
-        writer.write(imu, log, log, &Imu { header: own, angular_velocity, ..Imu::default() }).unwrap();
-        let seen = Illuminance { header: own, illuminance: light(t), ..Illuminance::default() };
+        writer.write(imu, log, log, &Imu { header: head, angular_velocity, ..Imu::default() }).unwrap();
+        let seen = Illuminance { header: head, illuminance: light(t), ..Illuminance::default() };
         writer.write(lamps[0], log, log, &seen).unwrap();
         if row % 2 == 0 {
             let t = t + 0.0013;
-            let (log, own) = (log + 8_000_000, header(t + ahead(t)));
+            let (log, head) = (log + 8_000_000, header(t + ahead(t)));
             let half = 0.5 * (yaw(t) + 1e-3 * noise(3, row));
             let seen = Pose { position: [0.0; 3], orientation: [0.0, 0.0, half.sin(), half.cos()] };
-            writer.write(pose, log, log, &PoseStamped { header: own, pose: seen }).unwrap();
-            let seen = Illuminance { header: own, illuminance: light(t), ..Illuminance::default() };
+            writer.write(pose, log, log, &PoseStamped { header: head, pose: seen }).unwrap();
+            let seen = Illuminance { header: head, illuminance: light(t), ..Illuminance::default() };
             writer.write(lamps[1], log, log, &seen).unwrap();
         }
     }
@@ -96,7 +96,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 /// Prepares the log with an extended recipe.
-fn prepare(folder: &Path, more: &str, flags: &[&str]) -> Said {
+fn prepare(folder: &Path, more: &str, flags: &[&str]) -> Run {
     fs::write(folder.join("robot.toml"), format!("{RECIPE}{more}")).unwrap();
     fleetfoot(folder, &[&["prepare", "-c", "robot.toml", "run.mcap", "-o", "clean", "--force"][..], flags].concat())
 }
@@ -106,7 +106,7 @@ fn error(folder: &Path) -> f64 {
     let names = ["yaw_dot".to_owned()];
     let rows = read_rows(&Recipe::default(), Some(&names), &[folder.join("clean/run.clean.parquet")], &Silent).unwrap();
     let truth = rows.stamps.iter().map(|stamp| rate((stamp - START) as f64 * 1e-9));
-    let squares: f64 = rows.columns[0].1.iter().zip(truth).map(|(found, truth)| (found - truth).powi(2)).sum();
+    let squares: f64 = rows.columns[0].1.iter().zip(truth).map(|(value, truth)| (value - truth).powi(2)).sum();
     (squares / rows.stamps.len() as f64).sqrt()
 }
 
@@ -116,7 +116,7 @@ fn numbers(value: &serde_json::Value) -> [f64; 2] {
 
 /// By motion and by a wave the truth lies in the stated interval, and the channels that are joined belong together.
 #[test]
-fn the_clock_of_another_computer_is_found_and_taken_out() {
+fn offset_clocks_are_estimated_and_removed() {
     let folder = folder();
     let path = folder.path();
     prepare(path, "", &[]).ok();
@@ -124,8 +124,8 @@ fn the_clock_of_another_computer_is_found_and_taken_out() {
     let even = format!("{WAVE}even = true\n");
     let mut width = f64::INFINITY;
     for (more, by, widest) in [(MOTION, "motion", 2e-3), (WAVE, "wave", 6e-3), (&even, "wave", 6e-3)] {
-        let said = prepare(path, more, &["--json"]).ok().json();
-        let clock = &said["clocks"][0];
+        let report = prepare(path, more, &["--json"]).ok().json();
+        let clock = &report["clocks"][0];
         assert_eq!((clock["clock"].as_str(), clock["by"].as_str()), (Some("mocap"), Some(by)), "{clock:#}");
         let at = clock["at"].as_f64().unwrap();
         let (offset, skew) = (numbers(&clock["offset_interval"]), numbers(&clock["skew_interval"]));
@@ -151,9 +151,9 @@ fn the_clock_of_another_computer_is_found_and_taken_out() {
     assert!(points.len() > 100 && (least[0] - ahead(20.0)).abs() < 0.006, "{least:?}");
     let text = prepare(path, MOTION, &[]).ok().out;
     assert!(text.contains("clock mocap of run.mcap: 0.30") && text.contains("unexplained"), "{text}");
-    // What is known is taken as it is, in every command; the drift of 1.6 ms stays.
-    let given = "[clocks.mocap]\ntopics = [\"/mocap/pose\"]\noffset = 0.3008\n";
-    assert!(prepare(path, given, &[]).ok().out.contains("as given"));
+    // A known offset is taken as it is, in every command; the drift of 1.6 ms stays.
+    let section = "[clocks.mocap]\ntopics = [\"/mocap/pose\"]\noffset = 0.3008\n";
+    assert!(prepare(path, section, &[]).ok().out.contains("as given"));
     assert!(error(path) < 0.1, "{}", error(path));
     let names = ["yaw".to_owned()];
     let with = |more: &str| {
@@ -171,15 +171,15 @@ fn the_bytes_do_not_depend_on_threads() {
     let path = folder.path();
     for more in [MOTION, WAVE] {
         let written = ["1", "7"].map(|threads| {
-            let said = prepare(path, more, &["--threads", threads, "--json"]).ok().out;
-            (said, fs::read(path.join("clean/run.clean.parquet")).unwrap())
+            let text = prepare(path, more, &["--threads", threads, "--json"]).ok().out;
+            (text, fs::read(path.join("clean/run.clean.parquet")).unwrap())
         });
         assert!(written[0] == written[1]);
     }
 }
 
 #[test]
-fn clocks_that_cannot_be_found_are_told() {
+fn unrelated_clocks_are_refused() {
     let folder = folder();
     let path = folder.path();
     let clock = |more: &str| format!("[clocks.mocap]\ntopics = [\"/mocap/*\"]\n{more}");
@@ -255,8 +255,8 @@ fn two_clocks_of_a_flight() {
         parts.join(" + ")
     );
     fs::write(path.join("robot.toml"), recipe).unwrap();
-    let said = fleetfoot(path, &["prepare", "-c", "robot.toml", "flight.mcap", "-o", "clean", "--json"]).ok().json();
-    let clock = &said["clocks"][0];
+    let report = fleetfoot(path, &["prepare", "-c", "robot.toml", "flight.mcap", "-o", "clean", "--json"]).ok().json();
+    let clock = &report["clocks"][0];
     let number = |name: &str| clock[name].as_f64().unwrap();
     let (offset, skew) = (numbers(&clock["offset_interval"]), numbers(&clock["skew_interval"]));
     assert!(offset[0] < -0.199 && -0.199 < offset[1] + 1e-3 && offset[1] - offset[0] < 4e-3, "{offset:?}");

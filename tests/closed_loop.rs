@@ -40,7 +40,7 @@ pub(crate) fn fitted() -> tempfile::TempDir {
 }
 
 #[test]
-fn a_fitted_model_runs_in_the_treadmills_loop() {
+fn fitted_models_run_in_the_treadmill_loop() {
     let folder = fitted();
     let run = |more: &[&str]| {
         // The recording was made by Euler's steps.
@@ -67,7 +67,7 @@ fn a_fitted_model_runs_in_the_treadmills_loop() {
     let highest = column("u_w")["statistics"]["max"].as_f64().unwrap();
     assert!(highest > 0.0 && highest <= 6.0);
 
-    // The loop is one of the recipe's alias, a number, or a field of the log: the same bits, and it is told which of them is read.
+    // The loop is one of the recipe's alias, a number, or a field of the log: the same bits, and a note names the source.
     let same = |arguments: &[&str], replayed: &[&str]| {
         let mut other = run(arguments).ok().json();
         assert_eq!(other["replayed"], serde_json::json!(replayed), "{arguments:?}");

@@ -109,7 +109,7 @@ fn from_logs_to_a_scored_model() {
 }
 
 #[test]
-fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
+fn fits_ignore_threads_and_file_order() {
     let folder = logs();
     for (partition, folds) in [("kmeans:3,6", "10"), ("refined:3", "2"), ("lattice:3", "2"), ("tree:2", "2")] {
         let fit = |threads: &str, files: &[&str], output: &str| {
@@ -120,9 +120,9 @@ fn a_fit_does_not_depend_on_threads_or_the_order_of_files() {
             fs::read(folder.path().join(output)).unwrap()
         };
         let files = ["runs/run_0.csv", "runs/run_1.csv", "runs/run_2.csv"];
-        let one = fit("1", &files, "a.json");
-        assert!(one == fit("2", &["runs/run_2.csv", "runs/run_0.csv", "runs/run_1.csv"], "b.json"), "{partition}");
-        assert!(one == fit("7", &files, "c.json"), "{partition}");
+        let single = fit("1", &files, "a.json");
+        assert!(single == fit("2", &["runs/run_2.csv", "runs/run_0.csv", "runs/run_1.csv"], "b.json"), "{partition}");
+        assert!(single == fit("7", &files, "c.json"), "{partition}");
     }
 }
 
@@ -147,9 +147,9 @@ fn joined_cells_go_the_whole_way() {
     assert!(code.contains("Region of each cell."), "{code}");
     // The regions stand in a statistic too, made once on all rows.
     run(&["scan", "-c", "robot.toml", "runs", "--partition", "lattice:3", "-o", "run.stats"]);
-    let told =
+    let output =
         fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "lattice:3", "-o", "told.json"]).ok();
-    assert!(told.out.contains("lattice:3"), "{}", told.out);
+    assert!(output.out.contains("lattice:3"), "{}", output.out);
 }
 
 #[test]
@@ -204,8 +204,9 @@ fn trees_go_the_whole_way() {
     assert!(fs::read_to_string(folder.path().join("page.html")).unwrap().contains("v &lt; 0.5"));
     // Made once on all rows in a statistic, and for equations and autoregressions.
     run(&["scan", "-c", "robot.toml", "runs", "--partition", "tree:2", "-o", "run.stats"]);
-    let told = fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "tree:2", "-o", "told.json"]).ok();
-    assert!(told.out.contains("tree:2"), "{}", told.out);
+    let output =
+        fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "tree:2", "-o", "told.json"]).ok();
+    assert!(output.out.contains("tree:2"), "{}", output.out);
     assert!(run(&["show", "told.json"]).out.contains("if v < 0.5"));
     run(&["fit", "sindy", "-c", "robot.toml", "runs", "--partition", "tree:1", "--degree", "1", "-o", "sparse.json"]);
     assert!(run(&["show", "sparse.json"]).out.contains("if v < 0.5"));
@@ -216,19 +217,22 @@ fn trees_go_the_whole_way() {
 }
 
 #[test]
-fn maps_that_meet_tell_what_it_costs() {
+fn continuous_maps_have_a_cost() {
     let folder = logs();
     let fit = ["fit", "pwa", "-c", "robot.toml", "--folds", "4", "-o", "model.json", "--partition"];
     let run = |arguments: &[&str]| fleetfoot(folder.path(), &[&fit[..], arguments, &["runs"]].concat());
     let fitted = run(&["average,refined:2", "--continuous", "--json"]).ok().json();
-    let own = &fitted["candidates"][1];
+    let continuous = &fitted["candidates"][1];
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
-    assert_eq!((own["continuity"]["borders"].as_u64(), own["continuity"]["numbers"].as_u64()), (Some(1), Some(4)));
-    assert!(number(&own["continuity"]["jump"]) < 1e-12 && fitted["candidates"][0].get("continuity").is_none());
+    assert_eq!(
+        (continuous["continuity"]["borders"].as_u64(), continuous["continuity"]["numbers"].as_u64()),
+        (Some(1), Some(4))
+    );
+    assert!(number(&continuous["continuity"]["jump"]) < 1e-12 && fitted["candidates"][0].get("continuity").is_none());
     // The log's acceleration jumps.
-    assert!(number(&own["loss"]) > 10.0 * number(&own["continuity"]["loss_apart"]), "{fitted:#}");
-    let told = run(&["refined:2", "--continuous"]).ok().out;
-    assert!(told.contains("loss apart") && told.contains("the maps meet at 1 border within"), "{told}");
+    assert!(number(&continuous["loss"]) > 10.0 * number(&continuous["continuity"]["loss_apart"]), "{fitted:#}");
+    let text = run(&["refined:2", "--continuous"]).ok().out;
+    assert!(text.contains("loss apart") && text.contains("the maps meet at 1 border within"), "{text}");
     run(&["labels:mode", "--continuous"]).fails(&["labels:mode", "linear borders"]);
     run(&["refined:2", "--continuous", "--objective", "steps:5"]).fails(&["steps:5", "--continuous"]);
     fleetfoot(folder.path(), &["scan", "-c", "robot.toml", "runs", "--partition", "refined:2", "-o", "run.stats"]).ok();
@@ -237,7 +241,7 @@ fn maps_that_meet_tell_what_it_costs() {
 }
 
 #[test]
-fn few_rows_that_hold_most_of_the_variance_are_told() {
+fn heavy_rows_are_named() {
     let folder = logs();
     let text = robot_csv(30_000, 2.0);
     let fall = |(row, line): (usize, &str)| {
@@ -252,10 +256,10 @@ fn few_rows_that_hold_most_of_the_variance_are_told() {
     let fit = ["fit", "pwa", "--time", "t", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "-o", "m.json"];
     let run = |more: &[&str]| fleetfoot(folder.path(), &[&fit[..], more].concat()).ok();
     for folds in ["0", "5"] {
-        let told = run(&["--predict", "dv", "--folds", folds, "fall.csv"]);
-        assert!(told.err.contains("dv: ") && told.err.contains("of its variance"), "{}", told.err);
+        let output = run(&["--predict", "dv", "--folds", folds, "fall.csv"]);
+        assert!(output.err.contains("dv: ") && output.err.contains("of its variance"), "{}", output.err);
         // The chunk that the fall lies in, of a few hundred rows.
-        let row: usize = told.err.split("from row ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        let row: usize = output.err.split("from row ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
         assert!((19_000..=20_100).contains(&row), "{row}");
     }
     assert!(!run(&["--predict", "dv", "runs/run_0.csv"]).err.contains("of its variance"));
@@ -291,7 +295,7 @@ fn refined_models_go_the_whole_way() {
             && transitions.contains(" s)\n"),
         "{transitions}"
     );
-    // Two regions pass rows to each other, and are told apart.
+    // Two regions pass rows to each other; each has its name.
     assert!(transitions.contains("separate maps of neighbours"), "{transitions}");
     let pair = transitions.lines().find(|line| line.split_whitespace().take(2).eq(["0", "1"])).expect("a pair");
     assert!(!pair.contains("one map suffices"), "{transitions}");
@@ -315,7 +319,7 @@ fn refined_models_go_the_whole_way() {
 }
 
 #[test]
-fn a_file_with_a_gap_is_the_same_as_two_files() {
+fn gaps_split_a_file_into_episodes() {
     let folder = tempfile::tempdir().unwrap();
     let text = robot_csv(4000, 0.4);
     let lines: Vec<&str> = text.lines().collect();
@@ -389,7 +393,7 @@ fn discrete_models_lags_and_plain_regression() {
 
 /// Rows that a condition leaves out are in no fit, and a model uses such rows only, unless another condition is given.
 #[test]
-fn a_condition_says_which_rows_are_used() {
+fn conditions_select_rows() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
     let all = robot_csv(3000, 1.0);
@@ -445,7 +449,7 @@ fn a_condition_says_which_rows_are_used() {
     assert!(bytes("one.json") == bytes("where.json"));
     run(&["scan", "-c", "where.toml", "all.csv", "-o", "where.stats"]);
     assert!(run(&["stats", "info", "where.stats"]).out.contains("699"));
-    // Its rows are chosen: neither a fit nor another scan takes others, and a model of it says which they were.
+    // Its rows are chosen: neither a fit nor another scan takes others, and a model of it has the condition.
     let refused = |arguments: &[&str], words: &[&str]| fleetfoot(folder.path(), arguments).fails(words);
     refused(
         &["fit", "sparse", "where.stats", "--where", "t < 9", "-o", "x.json"],
@@ -473,7 +477,7 @@ fn a_condition_says_which_rows_are_used() {
 /// A pager that has ended reads no more: the fit is written all the same.
 #[cfg(unix)]
 #[test]
-fn nobody_need_read_what_is_said() {
+fn quiet_suppresses_notes() {
     use std::process::{Command, Stdio};
     let folder = logs();
     let mut child = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
@@ -491,23 +495,23 @@ fn nobody_need_read_what_is_said() {
 /// A failed write of the output is an error, unless the reader has closed the pipe.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_is_told() {
+fn full_disks_are_an_error() {
     let folder = logs();
     let full = fs::File::options().write(true).open("/dev/full").expect("a device");
-    let said = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+    let output = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
         .current_dir(folder.path())
         .args(["info", "runs"])
         .stdout(full)
         .output()
         .expect("the command runs");
-    let message = String::from_utf8_lossy(&said.stderr);
-    assert!(said.status.code() == Some(1) && message.contains("standard output cannot be written"), "{message}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && message.contains("standard output cannot be written"), "{message}");
 }
 
 /// Choices that depend on numbers of rows (regions, terms, lambda) are the same for weights that are counts and for
 /// shares.
 #[test]
-fn the_scale_of_weights_says_nothing_to_any_method() {
+fn scales_of_weights_change_no_method() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("run.csv"), robot_csv(1_200, 0.3).replace("v [m/s]", "v")).expect("a file");
     let fitted = |method: &str, more: &[&str], weight: &str| -> Vec<f64> {

@@ -29,23 +29,23 @@ fn number(value: &serde_json::Value) -> f64 {
 }
 
 #[test]
-fn finer_models_predict_better_and_the_commands_repeat_it_all() {
+fn finer_models_predict_better() {
     let folder = tempfile::tempdir().unwrap();
     let demo = folder.path().join("the demo");
     // The full size is that of the other sweeps (`make test-all`).
     let minutes = if std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full") { "1.2" } else { "0.6" };
-    let said = fleetfoot(
+    let output = fleetfoot(
         folder.path(),
         &["demo", "--paper", "--minutes", minutes, "-o", "the demo", "--json", "--threads", "1"],
     )
     .ok();
-    let told = said.json();
-    crate::keys::told_of(&told, false, "demo");
+    let report = output.json();
+    crate::keys::check_keys(&report, false, "demo");
 
     // Table I: the average is below null and ten regions are below the average, in all accelerations but perhaps one: fits minimise squared
     // errors, the table has absolute ones, and impacts make heavy tails. Nothing is asked of fifty regions:
     // with a minute of data they lose to ten.
-    let table = &told["table_1"];
+    let table = &report["table_1"];
     assert_eq!(table["targets"].as_array().unwrap().len(), 8);
     let models = table["models"].as_array().unwrap();
     let names: Vec<&str> = models.iter().filter_map(|model| model["model"].as_str()).collect();
@@ -59,8 +59,14 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
         assert!(below >= 7 && fine.iter().sum::<f64>() < 0.95 * coarse.iter().sum::<f64>(), "{fine:?} {coarse:?}");
     }
     assert!(table["ordering"].as_array().unwrap().len() == 3 && table["units"][0] == "m/s^2", "{table:#}");
+    // Beside it: refined regions with bounded maps, better than the average and without a diverging simulation.
+    let bounded = &report["table_1_bounded"]["models"][0];
+    assert!(bounded["model"] == "refined:50" && number(&bounded["loss"]) < number(&models[1]["loss"]), "{bounded:#}");
+    let simulations = report["figure_8"]["simulations"].as_array().unwrap();
+    let simulated = simulations.iter().find(|model| model["model"] == "refined:50 --stable").unwrap();
+    assert_eq!(simulated["diverged"], 0);
     // Fig. 5: a faster belt makes faster steps; a robot that walks is slower than without slip (one that runs may be faster).
-    let runs = told["gait"]["runs"].as_array().unwrap();
+    let runs = report["gait"]["runs"].as_array().unwrap();
     assert!(runs.len() >= 6, "{runs:#?}");
     for run in runs {
         let rows: f64 = run["phases"].as_array().unwrap().iter().map(number).sum();
@@ -73,20 +79,20 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
     assert!(number(&fast["stride_frequency"]) > 2.0 * number(&slow["stride_frequency"]), "{slow:#} {fast:#}");
     // Fig. 8: a step ahead some model is better than none, and a long while ahead it is a coarse one, with and without the controller.
     for key in ["figure_8", "figure_8_open_loop"] {
-        let best = told[key]["best"].as_array().unwrap();
+        let best = report[key]["best"].as_array().unwrap();
         let name = |reign: Option<&serde_json::Value>| reign.unwrap()["model"].as_str().unwrap().to_owned();
         assert!(name(best.first()) != "null", "{best:#?}");
         assert!(!name(best.last()).starts_with("kmeans"), "{best:#?}");
-        assert_eq!(told[key]["seconds"].as_array().unwrap().len(), 200);
+        assert_eq!(report[key]["seconds"].as_array().unwrap().len(), 200);
     }
     // Fig. 9: the rows of the runs, on the plane; the region changes somewhere, and not with every passage.
-    let ratio = number(&told["figure_9b"]["transition_ratio"]);
+    let ratio = number(&report["figure_9b"]["transition_ratio"]);
     assert!(ratio > 0.02 && ratio < 0.9, "{ratio}");
-    assert_eq!(told["figure_9a"]["transitions"], 0);
-    assert!(number(&told["figure_9a"]["rows"]) > 20_000.0);
+    assert_eq!(report["figure_9a"]["transitions"], 0);
+    assert!(number(&report["figure_9a"]["rows"]) > 20_000.0);
 
-    // The first thing that it says is where the page will be, which is small enough to be sent.
-    assert!(said.err.lines().next().is_some_and(|line| line.ends_with("report.html")), "{}", said.err);
+    // The first line of output is the path of the page, which is small enough to be sent.
+    assert!(output.err.lines().next().is_some_and(|line| line.ends_with("report.html")), "{}", output.err);
     let page = fs::metadata(demo.join("report.html")).unwrap().len();
     assert!((100_000..1_000_000).contains(&page), "{page} bytes");
 
@@ -96,14 +102,16 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
         "model.json",
         "model_kmeans50.json",
         "model_null.json",
+        "bounded.json",
+        "drive.html",
         "plane_drive.parquet",
         "train/robot.toml",
         "report.html",
     ] {
         assert!(before.contains_key(name), "{name} of {:?}", before.keys());
     }
-    let commands: Vec<&str> = said.err.lines().filter_map(|line| line.strip_prefix("$ ")).collect();
-    assert_eq!(commands.len(), 9, "{}", said.err);
+    let commands: Vec<&str> = output.err.lines().filter_map(|line| line.strip_prefix("$ ")).collect();
+    assert_eq!(commands.len(), 11, "{}", output.err);
     for command in commands {
         let done = Command::new("sh").arg("-c").arg(command).current_dir(folder.path()).output().unwrap();
         assert!(done.status.success(), "{command}: {}", String::from_utf8_lossy(&done.stderr));
@@ -116,9 +124,9 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
 }
 
 #[test]
-fn the_paper_is_told_for_people() {
+fn paper_results_are_printed() {
     let folder = tempfile::tempdir().unwrap();
-    let said = fleetfoot(folder.path(), &["demo", "--paper", "--minutes", "0.4", "--seed", "3"]).ok();
+    let output = fleetfoot(folder.path(), &["demo", "--paper", "--minutes", "0.4", "--seed", "3"]).ok();
     for words in [
         "Table I.",
         "alpha_r_rate'",
@@ -129,9 +137,10 @@ fn the_paper_is_told_for_people() {
         "best model: ",
         "Fig. 9a.",
         "Fig. 9b.",
-        "@@",
+        "refined:50 --stable --objective steps:20",
+        "drive.html",
     ] {
-        assert!(said.out.contains(words), "`{words}` is missing from\n{}", said.out);
+        assert!(output.out.contains(words), "`{words}` is missing from\n{}", output.out);
     }
     assert!(folder.path().join("fleetfoot-demo/differential_drive.json").exists());
     // A second one replaces the first one's logs; a folder of other logs is left alone.
@@ -143,9 +152,9 @@ fn the_paper_is_told_for_people() {
 /// The log, its faults, equations with the machine's mass and friction, simulations of another run, and code that has
 /// the model's values. Pasted, the short commands make the same files.
 #[test]
-fn a_minute_shows_the_equations_of_a_machine() {
+fn the_default_demo_prints_equations() {
     let folder = tempfile::tempdir().unwrap();
-    let said = fleetfoot(folder.path(), &["demo"]).ok();
+    let output = fleetfoot(folder.path(), &["demo"]).ok();
     for words in [
         "Nothing wrong was found.",
         "<- chosen",
@@ -154,13 +163,13 @@ fn a_minute_shows_the_equations_of_a_machine() {
         "measured (.) and simulated from its first value (o)",
         "better than persistence at every step, to 2.000 s",
     ] {
-        assert!(said.out.contains(words), "`{words}` is missing from\n{}", said.out);
+        assert!(output.out.contains(words), "`{words}` is missing from\n{}", output.out);
     }
     if Command::new("cc").arg("--version").output().is_ok() {
-        assert!(said.out.contains("the C code has the model's values at 32 points"), "{}", said.out);
+        assert!(output.out.contains("the C code has the model's values at 32 points"), "{}", output.out);
     }
     // The machine that was simulated has 95.1 kg and 20.39 N.
-    let line = said.out.lines().find(|line| line.contains("dry friction of")).unwrap();
+    let line = output.out.lines().find(|line| line.contains("dry friction of")).unwrap();
     let after = |words: &str| -> f64 {
         line.split(words).nth(1).and_then(|rest| rest.split_whitespace().next()).and_then(|n| n.parse().ok()).unwrap()
     };
@@ -171,8 +180,8 @@ fn a_minute_shows_the_equations_of_a_machine() {
     let demo = folder.path().join("fleetfoot-demo");
     assert!(demo.join("model/report.html").exists() && demo.join("model/c/model.c").exists());
     let before = contents(&demo);
-    let commands: Vec<&str> = said.err.lines().filter_map(|line| line.strip_prefix("$ ")).collect();
-    assert_eq!(commands.len(), 5, "{}", said.err);
+    let commands: Vec<&str> = output.err.lines().filter_map(|line| line.strip_prefix("$ ")).collect();
+    assert_eq!(commands.len(), 5, "{}", output.err);
     for command in commands.iter().filter(|command| !command.contains("-std=c99") && !command.contains(" auto ")) {
         let done = Command::new("sh").arg("-c").arg(command).current_dir(folder.path()).output().unwrap();
         assert!(done.status.success(), "{command}: {}", String::from_utf8_lossy(&done.stderr));

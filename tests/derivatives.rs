@@ -14,7 +14,7 @@ pub(crate) fn oscillation(rows: usize, jitter: f64, noise: f64) -> String {
         (draw >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
     };
     for row in 0..rows {
-        // Stamps of whole microseconds: what a file says is what a log has.
+        // Stamps of whole microseconds: a file and a log have the same ones.
         let t = ((0.05 * row as f64 + jitter * uniform()) * 1e6).round() / 1e6;
         let (sine, cosine) = (frequency * t).sin_cos();
         let x = (-damping * t).exp() * cosine;
@@ -48,13 +48,13 @@ pub(crate) fn coefficient(equation: &serde_json::Value, function: &str) -> f64 {
 }
 
 #[test]
-fn the_order_of_central_differences_is_chosen_by_the_data() {
+fn data_choose_the_order_of_differences() {
     let clean = sindy(&oscillation(400, 0.0, 0.0), &[]);
     for equation in [&clean[0], &clean[1]] {
-        let found = &equation["difference"];
-        assert_eq!(found["order"], 6, "{found}");
-        // Each order is better than the one before by h^2, up to a factor of its own.
-        let by_order: Vec<f64> = (0..3).map(|at| number(&found["rms_by_order"][at])).collect();
+        let difference = &equation["difference"];
+        assert_eq!(difference["order"], 6, "{difference}");
+        // Each order is better than the one before by h^2, up to a factor.
+        let by_order: Vec<f64> = (0..3).map(|at| number(&difference["rms_by_order"][at])).collect();
         assert!(by_order[0] > 100.0 * by_order[1] && by_order[1] > 100.0 * by_order[2], "{by_order:?}");
     }
     // Of order 2 it is h^2/6 of the third derivative, which is -4 of the first up to the damping; y^2 is 2 e^(-t/5) on average.
@@ -67,55 +67,55 @@ fn the_order_of_central_differences_is_chosen_by_the_data() {
     assert!((coefficient(&second[0], "y") - 1.0).abs() > 1e-4, "of order 2 it is off by h^2/6 of 4");
     assert!((coefficient(&second[1], "x") + 4.0).abs() < 1e-3);
     let noisy = sindy(&oscillation(400, 0.0, 0.02), &[]);
-    let found = &noisy[0]["difference"];
-    assert_eq!(found["order"], 2, "{found}");
+    let difference = &noisy[0]["difference"];
+    assert_eq!(difference["order"], 2, "{difference}");
     // Uniform noise of a width of 0.02 makes an error of 0.02/sqrt(12)/sqrt(2)/0.05.
     let noise = 0.02 / 12.0_f64.sqrt() / 2.0_f64.sqrt() / 0.05;
-    assert!((number(&found["noise_rms"]) / noise - 1.0).abs() < 0.15, "{found} {noise}");
+    assert!((number(&difference["noise_rms"]) / noise - 1.0).abs() < 0.15, "{difference} {noise}");
 }
 
 #[test]
-fn differences_of_uneven_stamps_have_weights_of_their_own() {
+fn uneven_stamps_get_exact_weights() {
     for (more, order) in [(&[][..], 6), (&["--derivative", "x=central6", "--derivative", "y=central6(y)"][..], 6)] {
-        let found = sindy(&oscillation(400, 0.02, 0.0), more);
-        for equation in [&found[0], &found[1]] {
+        let equations = sindy(&oscillation(400, 0.02, 0.0), more);
+        for equation in [&equations[0], &equations[1]] {
             assert_eq!(equation["difference"]["order"], order, "{equation}");
             assert!(number(&equation["difference"]["rms_by_order"][2]) < 1e-4, "{equation}");
         }
-        assert!((coefficient(&found[0], "y") - 1.0).abs() < 1e-4, "{found}");
-        assert!((coefficient(&found[1], "x") + 4.0).abs() < 1e-3, "{found}");
+        assert!((coefficient(&equations[0], "y") - 1.0).abs() < 1e-4, "{equations}");
+        assert!((coefficient(&equations[1], "x") + 4.0).abs() < 1e-3, "{equations}");
     }
 }
 
 #[test]
-fn an_error_is_estimated_of_a_difference_that_is_written_out() {
+fn explicit_differences_have_an_error_estimate() {
     let written = "(lead(x, 1) - lag(x, 1))/(lead(time(), 1) - lag(time(), 1))";
-    let found =
+    let equations =
         sindy(&oscillation(400, 0.0, 0.0), &["--derivative", &format!("x={written}"), "--derivative", "y=central4(y)"]);
-    assert_eq!((&found[0]["difference"]["order"], &found[1]["difference"]["order"]), (&2.into(), &4.into()));
+    assert_eq!((&equations[0]["difference"]["order"], &equations[1]["difference"]["order"]), (&2.into(), &4.into()));
 }
 
 #[test]
-fn derivatives_may_be_mean_slopes_over_a_span() {
+fn derivatives_may_be_slopes_over_spans() {
     let folder = folder(&oscillation(600, 0.0, 0.01));
     for command in ["sindy", "pwa"] {
         let fit = ["fit", command, "log.csv", "--states", "x,y", "--degree", "1", "--derivative", "x=over:5"];
-        let said = fleetfoot(folder.path(), &fit).ok();
-        assert!(said.out.contains("d(x)/dt over 5 rows") && said.out.contains("d(y)/dt"), "{}", said.out);
-        // The score of such an equation is one of mean slopes, and says so; persistence does not know the span that is not over.
-        let said = fleetfoot(folder.path(), &["score", "model.json", "log.csv"]).ok();
-        assert!(said.out.contains("d(x)/dt over 5 rows"), "{}", said.out);
+        let output = fleetfoot(folder.path(), &fit).ok();
+        assert!(output.out.contains("d(x)/dt over 5 rows") && output.out.contains("d(y)/dt"), "{}", output.out);
+        // The score of such an equation is one of mean slopes, by its label; persistence does not know the span that is not over.
+        let output = fleetfoot(folder.path(), &["score", "model.json", "log.csv"]).ok();
+        assert!(output.out.contains("d(x)/dt over 5 rows"), "{}", output.out);
     }
     let recipe = "[states]\nx = { derivative = { over = 5 } }\ny = {}\n[model]\ndegree = 1\n";
     fs::write(folder.path().join("robot.toml"), recipe).expect("a file");
-    let said = fleetfoot(folder.path(), &["fit", "sindy", "-c", "robot.toml", "log.csv"]).ok();
-    assert!(said.out.contains("d(x)/dt over 5 rows"), "{}", said.out);
+    let output = fleetfoot(folder.path(), &["fit", "sindy", "-c", "robot.toml", "log.csv"]).ok();
+    assert!(output.out.contains("d(x)/dt over 5 rows"), "{}", output.out);
     let refused = ["fit", "sindy", "log.csv", "--states", "x,y", "--derivative", "x=over:0"];
     fleetfoot(folder.path(), &refused).fails(&["over = 0", "1 to 1000 rows"]);
 }
 
 #[test]
-fn the_span_of_an_angle_wraps_its_steps() {
+fn spans_of_angles_wrap_steps() {
     // A turn of 2.5 rad/s passes pi every 2.5 s.
     let mut text = String::from("t,phi,w\n");
     for row in 0..400 {
@@ -138,8 +138,8 @@ fn the_span_of_an_angle_wraps_its_steps() {
         "phi=over:20",
         "--json",
     ];
-    let found = fleetfoot(folder.path(), &fit).ok().json();
-    let equation = &found["regions"][0]["equations"][0];
+    let report = fleetfoot(folder.path(), &fit).ok().json();
+    let equation = &report["regions"][0]["equations"][0];
     assert!((coefficient(equation, "1") - 2.5).abs() < 1e-6, "{equation}");
 }
 
@@ -150,15 +150,15 @@ fn of_robot<'a>(method: &'a str, more: &'a str) -> Vec<&'a str> {
 }
 
 #[test]
-fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
+fn rollouts_choose_regions_and_spans() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("log.csv"), robot_csv(3000, 0.3)).expect("a file");
     let all = of_robot("pwa", "--select rollout --horizon 20 --partition average,kmeans:2,6 --json");
-    let found = fleetfoot(folder.path(), &all).ok().json();
-    let choice = &found["rollouts"];
+    let report = fleetfoot(folder.path(), &all).ok().json();
+    let choice = &report["rollouts"];
     let candidates = choice["candidates"].as_array().expect("candidates");
     assert_eq!((candidates.len(), &choice["horizon"], &choice["folds"]), (3, &20.into(), &5.into()), "{choice}");
-    assert_eq!(choice["chosen"], found["chosen"], "what is written is what was chosen");
+    assert_eq!(choice["chosen"], report["chosen"], "what is written is what was chosen");
     let error = |at: usize| candidates[at]["error_over_persistence"].as_f64().expect("a number");
     // The robot has two regimes: one region simulates worse than several.
     let chosen = choice["chosen"].as_u64().expect("an index") as usize;
@@ -169,20 +169,20 @@ fn regions_and_spans_are_chosen_by_rollouts_where_the_user_asks() {
         let mean = folds.iter().sum::<f64>() / 5.0;
         assert!(folds.len() == 5 && (mean / candidate["error_over_persistence"].as_f64().unwrap() - 1.0).abs() < 1e-12);
     }
-    // An open span is compared with central differences, and the model tells which was taken.
+    // An open span is compared with central differences, and the model has the chosen one.
     let open = of_robot("pwa", "--derivative v=over:auto --horizon 20");
-    let said = fleetfoot(folder.path(), &open).ok();
+    let output = fleetfoot(folder.path(), &open).ok();
     assert!(
-        said.out.contains("central") && said.out.contains("over 20 rows") && said.out.contains("<- chosen"),
+        output.out.contains("central") && output.out.contains("over 20 rows") && output.out.contains("<- chosen"),
         "{}",
-        said.out
+        output.out
     );
     let open = of_robot("sindy", "--degree 1 --derivative v=over:auto --horizon 20 --json");
-    let found = fleetfoot(folder.path(), &open).ok().json();
-    let candidates = found["rollouts"]["candidates"].as_array().expect("candidates");
-    assert_eq!(candidates.len(), 6, "{found}");
-    let chosen = &candidates[found["rollouts"]["chosen"].as_u64().expect("an index") as usize];
-    let label = found["regions"][0]["equations"][0]["label"].as_str().expect("a label");
+    let report = fleetfoot(folder.path(), &open).ok().json();
+    let candidates = report["rollouts"]["candidates"].as_array().expect("candidates");
+    assert_eq!(candidates.len(), 6, "{report}");
+    let chosen = &candidates[report["rollouts"]["chosen"].as_u64().expect("an index") as usize];
+    let label = report["regions"][0]["equations"][0]["label"].as_str().expect("a label");
     match chosen["over"].as_u64() {
         Some(rows) => assert!(label.ends_with(&format!("over {rows} rows")), "{label}"),
         None => assert!(label.ends_with("/dt"), "{label}"),

@@ -1,4 +1,4 @@
-//! Nothing is shown that is not run: the README, the guide for contributors and every page of `docs/`.
+//! Every command on a page is run: the README, the guide for contributors and every page of `docs/`.
 //!
 //! `CONTRIBUTING.md` has the rules for pages. Blocks of Python are run by the package's tests, blocks of Rust by the
 //! doctests of the facade; here are all other kinds, and the links. `FLEETFOOT_DOCS=overwrite` writes the present
@@ -78,7 +78,7 @@ fn build_command(line: &str) -> Result<(), String> {
         | ["pip", "install", ..] => Ok(()),
         ["make", target] => {
             let makefile = fs::read_to_string(root().join("Makefile")).map_err(|error| error.to_string())?;
-            let known = makefile.lines().any(|own| own.starts_with(&format!("{target}:")));
+            let known = makefile.lines().any(|rule| rule.starts_with(&format!("{target}:")));
             known.then_some(()).ok_or_else(|| format!("`make {target}`: the Makefile has no such target"))
         }
         _ => Err(format!("`{command}` is not run: only commands that build and install stand in a block `sh`")),
@@ -104,7 +104,7 @@ fn every_block_is_of_a_known_kind() {
 }
 
 #[test]
-fn every_command_says_what_the_page_shows() {
+fn commands_print_what_pages_show() {
     let overwrite = std::env::var("FLEETFOOT_DOCS").is_ok_and(|word| word == "overwrite");
     let only = std::env::var("FLEETFOOT_PAGE").unwrap_or_default();
     let mut wrong = Vec::new();
@@ -117,7 +117,7 @@ fn every_command_says_what_the_page_shows() {
             fs::write(root().join(page), console::corrected(&text, &ran.differences)).expect("the page can be written");
         }
         wrong.extend(ran.problems);
-        wrong.extend(ran.differences.iter().map(|difference| difference.told(page)));
+        wrong.extend(ran.differences.iter().map(|difference| difference.description(page)));
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
     assert!(commands > 20 || !only.is_empty(), "{commands} commands were run");

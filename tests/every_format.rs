@@ -18,7 +18,7 @@ const FORMATS: [(&str, &str, &str); 8] = [
 ];
 
 #[test]
-fn a_rover_is_the_same_in_every_format() {
+fn every_format_gives_the_same_rover() {
     let folder = tempfile::tempdir().unwrap();
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
@@ -42,8 +42,9 @@ fn a_rover_is_the_same_in_every_format() {
         run(&["fit", "pwa", "-c", "rover.toml", path, "-p", "average", "-o", "model.json"]).ok();
         let model = run(&["show", "model.json", "--json"]).ok().json();
         for (place, expected) in [(0, -2.0), (1, 3.0)] {
-            let found = model.pointer(&format!("/model/latents/0/coefficients/0/{place}")).unwrap().as_f64().unwrap();
-            assert!((found - expected).abs() < tolerance, "{file}: {found} for {expected}");
+            let coefficient =
+                model.pointer(&format!("/model/latents/0/coefficients/0/{place}")).unwrap().as_f64().unwrap();
+            assert!((coefficient - expected).abs() < tolerance, "{file}: {coefficient} for {expected}");
         }
         let score = run(&["score", "model.json", path]).ok();
         assert!(score.out.contains("d(v)/dt"), "{file}: {}", score.out);

@@ -37,8 +37,8 @@ fn every_package_is_compiled_once() {
         "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "output", "log",
         "sums", "sparse", "pwa", "estimate", "sim", "report", "cli", "py",
     ] {
-        let own = resolved(&["--package", &format!("fleetfoot-{name}")]);
-        let others: Vec<_> = own.difference(&all).collect();
+        let alone = resolved(&["--package", &format!("fleetfoot-{name}")]);
+        let others: Vec<_> = alone.difference(&all).collect();
         assert!(
             others.is_empty(),
             "with `-p fleetfoot-{name}` these are compiled anew; crates/features/Cargo.toml is to ask for the features that the workspace has: {others:#?}"

@@ -21,30 +21,30 @@ fn noisy(column: &str, deviation: f64, key: u32) -> String {
 fn cells(text: &str, column: &str) -> Vec<String> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
-    let at = header.iter().position(|own| *own == column).unwrap_or_else(|| panic!("{column}: {header:?}"));
+    let at = header.iter().position(|field| *field == column).unwrap_or_else(|| panic!("{column}: {header:?}"));
     lines.map(|line| line.split(',').nth(at).expect("a cell").to_owned()).collect()
 }
 
 #[test]
-fn a_recording_is_filtered_alike_on_any_number_of_threads_and_nothing_looks_ahead() {
+fn estimates_are_causal_and_thread_independent() {
     let folder = fitted();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let sensors = [noisy("x", 0.01, 1), noisy("y", 0.01, 2), noisy("yaw", 0.02, 3)].join(",");
     let filter = |log: &str, output: &str, threads: &str| {
         let arguments = ["filter", "model.json", log, "--measured", "x=0.01,y=0.01,yaw=0.02", "--sensors", &sensors];
         let more = ["--truth", "x=x,y=y,yaw=yaw,vx=vx", "-o", output, "--threads", threads, "--json"];
-        let told = run(&[&arguments[..], &more].concat()).ok().json();
-        (told, fs::read_to_string(folder.path().join(output)).expect("estimates"))
+        let report = run(&[&arguments[..], &more].concat()).ok().json();
+        (report, fs::read_to_string(folder.path().join(output)).expect("estimates"))
     };
-    let (told, text) = filter("run_2.csv", "1.csv", "1");
+    let (report, text) = filter("run_2.csv", "1.csv", "1");
     for threads in ["2", "7"] {
         let (other, same) = filter("run_2.csv", "other.csv", threads);
-        assert!(other == told && same == text, "{threads} threads");
+        assert!(other == report && same == text, "{threads} threads");
     }
     let states: Vec<&str> =
-        told["states"].as_array().expect("states").iter().filter_map(|state| state.as_str()).collect();
-    assert!(states.contains(&"vx") && told["nis"]["freedom"] == 3 && told["nees"]["freedom"] == 4, "{told}");
-    for truth in told["truth"].as_array().expect("errors") {
+        report["states"].as_array().expect("states").iter().filter_map(|state| state.as_str()).collect();
+    assert!(states.contains(&"vx") && report["nis"]["freedom"] == 3 && report["nees"]["freedom"] == 4, "{report}");
+    for truth in report["truth"].as_array().expect("errors") {
         if let Some(measured) = truth["measured_rmse"].as_f64() {
             assert!(truth["rmse"].as_f64().expect("a number") < measured, "{truth}");
         }
@@ -61,14 +61,14 @@ fn a_recording_is_filtered_alike_on_any_number_of_threads_and_nothing_looks_ahea
 }
 
 #[test]
-fn messages_say_what_the_table_says() {
+fn messages_equal_the_table() {
     let folder = fitted();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let sensors = [noisy("x", 0.01, 1), noisy("y", 0.01, 2)].join(",");
     let asked = ["filter", "model.json", "run_2.csv", "--measured", "x=0.01,y=0.01", "--sensors", &sensors, "-o"];
     run(&[&asked[..], &["estimates.csv"]].concat()).ok();
-    let said = run(&[&asked[..], &["estimates.mcap"]].concat()).ok();
-    assert!(said.err.contains("estimates.foxglove.json"), "{}", said.err);
+    let output = run(&[&asked[..], &["estimates.mcap"]].concat()).ok();
+    assert!(output.err.contains("estimates.foxglove.json"), "{}", output.err);
     let plots = fs::read_to_string(folder.path().join("estimates.plotjuggler.xml")).expect("a layout");
     assert!(plots.contains("/fleetfoot/measured/x/position") && plots.contains("/fleetfoot/estimate/vx/position"));
     let text = fs::read_to_string(folder.path().join("estimates.csv")).expect("estimates");
@@ -82,16 +82,16 @@ fn messages_say_what_the_table_says() {
     ];
     let names: Vec<String> = same.iter().map(|(_, field)| (*field).to_owned()).collect();
     let recipe = Recipe::parse("[time]\nbase = \"/fleetfoot/estimate\"\n", "test").expect("a recipe");
-    let found = read_rows(&recipe, Some(&names), &[folder.path().join("estimates.mcap")], &Silent).expect("messages");
-    for ((column, _), (_, values)) in same.iter().zip(&found.columns) {
+    let read = read_rows(&recipe, Some(&names), &[folder.path().join("estimates.mcap")], &Silent).expect("messages");
+    for ((column, _), (_, values)) in same.iter().zip(&read.columns) {
         // The first row has no innovation, and no message of one.
-        let wanted: Vec<f64> = cells(&text, column)[1..].iter().map(|cell| cell.parse().expect("a number")).collect();
-        assert!(wanted.len() > 100 && values[values.len() - wanted.len()..] == wanted, "{column}");
+        let expected: Vec<f64> = cells(&text, column)[1..].iter().map(|cell| cell.parse().expect("a number")).collect();
+        assert!(expected.len() > 100 && values[values.len() - expected.len()..] == expected, "{column}");
     }
 }
 
 #[test]
-fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
+fn filter_options_are_checked() {
     let folder = fitted();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let filter = |more: &[&str]| run(&[&["filter", "model.json", "run_2.csv"], more].concat());
@@ -104,10 +104,10 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     // Its residuals are rounding.
     filter(&["--measured", "x=0.01", "--noise", "coloured"]).fails(&["no autoregression of its residuals", "white"]);
     filter(&["-o", "estimates.bag"]).fails(&["*.parquet", "*.mcap"]);
-    // The log's own columns are measured where nothing is said, and their noise is found.
-    let told = filter(&[]).ok();
-    assert!(told.err.contains("estimated from the innovations so far"), "{}", told.err);
-    assert!(told.out.contains("NIS") && told.out.contains("innovations"), "{}", told.out);
+    // By default the log's columns are measured, and the filter estimates their noise.
+    let output = filter(&[]).ok();
+    assert!(output.err.contains("estimated from the innovations so far"), "{}", output.err);
+    assert!(output.out.contains("NIS") && output.out.contains("innovations"), "{}", output.out);
     let json = filter(&["--measured", "x=0.01", "--process", "auto", "--json"]).ok().json();
     assert!(
         json["process"].as_f64().expect("a factor") != 1.0 && json["sensors"][0]["deviation_from"] == "given",
@@ -119,7 +119,7 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
 /// The hexapod over a stride: its place, from a camera's noise, by a model of other runs. Its residuals over a stride
 /// are the noise of its strides.
 #[test]
-fn the_hexapods_errors_are_as_large_as_the_filter_says() {
+fn hexapod_errors_match_the_filter() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let generate = ["generate", "hexapod", "--runs", "3", "--seconds", "30", "--speed", "0.25:0.35"];
@@ -132,16 +132,16 @@ fn the_hexapods_errors_are_as_large_as_the_filter_says() {
     let fit = [&["fit", "pwa", "-c", "place.toml"], &logs[..], &["--partition", "tree:2", "-o", "place.json"]].concat();
     run(&fit).ok();
     let sensors = [noisy("x", 0.005, 1), noisy("y", 0.005, 2), noisy("yaw", 0.02, 3)].join(",");
-    let told = run(&["filter", "place.json", "belt/hexapod_02.parquet", "--sensors", &sensors, "--json"]).ok().json();
-    println!("{told}");
+    let report = run(&["filter", "place.json", "belt/hexapod_02.parquet", "--sensors", &sensors, "--json"]).ok().json();
+    println!("{report}");
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
-    let nees = &told["nees"];
-    assert!(told["regions"].as_u64().expect("regions") > 1 && told["exact"] == true);
-    // What neighbours share of a stride is no noise that goes on.
-    assert_eq!(told["noise_rows"], 0);
+    let nees = &report["nees"];
+    assert!(report["regions"].as_u64().expect("regions") > 1 && report["exact"] == true);
+    // Errors that neighbouring rows share within a stride are not coloured noise.
+    assert_eq!(report["noise_rows"], 0);
     assert!((number(&nees["low"])..=number(&nees["high"])).contains(&number(&nees["mean"])), "{nees}");
     assert!((number(&nees["share"]) - 0.95).abs() < 0.03, "{nees}");
-    for truth in told["truth"].as_array().expect("errors") {
+    for truth in report["truth"].as_array().expect("errors") {
         assert!(number(&truth["rmse"]) < 0.6 * number(&truth["measured_rmse"]), "{truth}");
     }
     // Affine regions become code.
@@ -152,7 +152,7 @@ fn the_hexapods_errors_are_as_large_as_the_filter_says() {
 /// The hexapod from row to row: errors of steps are correlated, and the filter that models this has errors as large as
 /// it predicts.
 #[test]
-fn the_hexapods_errors_from_row_to_row_grow_as_its_residuals_go_on() {
+fn coloured_noise_widens_hexapod_errors() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let generate = ["generate", "hexapod", "--runs", "2", "--seconds", "10", "--speed", "0.3"];
@@ -163,13 +163,13 @@ fn the_hexapods_errors_from_row_to_row_grow_as_its_residuals_go_on() {
     run(&["fit", "pwa", "-c", "rows.toml", "belt/hexapod_00.parquet", "--partition", "average", "-o", "rows.json"])
         .ok();
     let sensors = [noisy("vx", 0.02, 1), noisy("yaw", 0.02, 2)].join(",");
-    let told = |model: &str, noise: &str| {
+    let filtered = |model: &str, noise: &str| {
         let asked = ["filter", model, "belt/hexapod_01.parquet", "--sensors", &sensors, "--noise", noise, "--json"];
         run(&asked).ok().json()
     };
-    let (white, coloured) = (told("rows.json", "white"), told("rows.json", "auto"));
+    let (white, coloured) = (filtered("rows.json", "white"), filtered("rows.json", "auto"));
     println!("{white}\n{coloured}");
-    let mean = |told: &serde_json::Value, of: &str| told[of]["mean"].as_f64().expect("a number");
+    let mean = |report: &serde_json::Value, of: &str| report[of]["mean"].as_f64().expect("a number");
     assert!(white["noise_rows"] == 0 && coloured["noise_rows"].as_u64().expect("rows") > 1);
     assert!(mean(&white, "nees") > 3.0 && mean(&white, "nis") > 1.3, "{white}");
     assert!((mean(&coloured, "nees") - 1.0).abs() < 0.25 && (mean(&coloured, "nis") - 1.0).abs() < 0.1, "{coloured}");
@@ -177,13 +177,13 @@ fn the_hexapods_errors_from_row_to_row_grow_as_its_residuals_go_on() {
     // The rows of a statistic have no order.
     run(&["scan", "-c", "rows.toml", "belt/hexapod_00.parquet", "--partition", "average", "-o", "rows.stats"]).ok();
     run(&["fit", "pwa", "rows.stats", "-o", "summed.json"]).ok();
-    assert_eq!(told("summed.json", "auto")["noise_rows"], 0);
+    assert_eq!(filtered("summed.json", "auto")["noise_rows"], 0);
     let asked = ["filter", "summed.json", "belt/hexapod_01.parquet", "--noise", "coloured"];
     run(&asked).fails(&["did not fit the model to logs", "choose white noise"]);
 }
 
 #[test]
-fn labels_say_the_region_and_a_column_says_the_deviation() {
+fn labels_set_regions_and_columns_deviations() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let write = |name: &str, text: String| fs::write(folder.path().join(name), text).expect("written");
@@ -191,37 +191,37 @@ fn labels_say_the_region_and_a_column_says_the_deviation() {
     write("robot.toml", recipe.to_owned());
     let plain = |rows, phase| robot_csv(rows, phase).replace("v [m/s]", "v");
     write("train.csv", plain(3000, 0.0));
-    // Noise that the log tells of, row by row.
+    // A column has the deviation of the noise, row by row.
     let log = plain(1000, 1.0);
-    let told = |(i, line): (usize, &str)| {
+    let with_deviation = |(i, line): (usize, &str)| {
         let deviation = if i % 2 == 0 { 0.02 } else { 0.05 };
         if i == 0 { format!("{line},v_deviation") } else { format!("{line},{deviation}") }
     };
-    write("run.csv", log.lines().enumerate().map(told).collect::<Vec<_>>().join("\n") + "\n");
+    write("run.csv", log.lines().enumerate().map(with_deviation).collect::<Vec<_>>().join("\n") + "\n");
     run(&["fit", "pwa", "-c", "robot.toml", "train.csv", "--partition", "labels:mode", "-o", "model.json"]).ok();
     let arguments = ["filter", "model.json", "run.csv", "--truth", "v=v", "-o", "estimates.csv", "--json"];
-    let said = run(&arguments).ok();
-    let told = said.json();
-    assert!(said.err.contains("the log's columns"), "{}", said.err);
-    assert!(told["regions"] == 2 && told["sensors"][0]["deviation_from"] == "column", "{told}");
+    let output = run(&arguments).ok();
+    let report = output.json();
+    assert!(output.err.contains("the log's columns"), "{}", output.err);
+    assert!(report["regions"] == 2 && report["sensors"][0]["deviation_from"] == "column", "{report}");
     let text = fs::read_to_string(folder.path().join("estimates.csv")).expect("estimates");
     let (slip, mode) = (cells(&text, "probability slip"), cells(&log, "mode"));
     // The region is that of the step which led to a row: the label of the row before.
     for row in 1..slip.len() {
-        let wanted = if mode[row - 1] == "slip" { 1.0 } else { 0.0 };
-        assert_eq!(slip[row].parse::<f64>().expect("a number"), wanted, "row {row}");
+        let expected = if mode[row - 1] == "slip" { 1.0 } else { 0.0 };
+        assert_eq!(slip[row].parse::<f64>().expect("a number"), expected, "row {row}");
     }
     // The exact model follows the exact log; its steps are Euler's there and exact here.
-    let error = told["truth"][0]["rmse"].as_f64().expect("a number");
+    let error = report["truth"][0]["rmse"].as_f64().expect("a number");
     assert!(error < 0.01, "{error}");
     let spread = cells(&text, "v innovation deviation");
     let spread = |row: usize| spread[row].parse::<f64>().expect("a number");
     assert!(spread(500) < 0.03 || spread(501) < 0.03);
     assert!((spread(500) - spread(501)).abs() > 0.02, "{} {}", spread(500), spread(501));
-    // A sensor that is slower than the rows is held between its samples, and told.
+    // A sensor that is slower than the rows is held between its samples, with a note.
     let slow = ["filter", "model.json", "run.csv", "--measured", "v=0.05", "--sensors", "v=0.1*sign(sin(7*t))"];
-    let said = run(&slow).ok();
-    assert!(said.err.contains("repeat the previous one") && said.err.contains("[time] base"), "{}", said.err);
+    let output = run(&slow).ok();
+    assert!(output.err.contains("repeat the previous one") && output.err.contains("[time] base"), "{}", output.err);
 }
 
 /// `v' = 6 v + u` below 0 and `-2 v + u` above, measured in runs of five rows; and a log of it with a gap of 200 s.
@@ -251,20 +251,20 @@ fn unstable_folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn a_covariance_that_leaves_the_numbers_ends_the_episode_with_a_note() {
+fn infinite_covariances_end_the_episode() {
     let folder = unstable_folder();
     let filter = "filter u.json far.csv --measured v=0.01 --max-gap none -o f.csv --json";
-    let said = fleetfoot(folder.path(), &filter.split(' ').collect::<Vec<_>>()).ok();
-    assert!(said.err.contains("the filter ends before row 61") && said.err.contains("--max-gap"), "{}", said.err);
-    let told = said.json();
-    assert_eq!((told["rows"].as_u64(), told["lost_rows"].as_u64()), (Some(100), Some(40)));
-    assert!(told["log_likelihood"].as_f64().is_some_and(f64::is_finite), "{told}");
+    let output = fleetfoot(folder.path(), &filter.split(' ').collect::<Vec<_>>()).ok();
+    assert!(output.err.contains("the filter ends before row 61") && output.err.contains("--max-gap"), "{}", output.err);
+    let report = output.json();
+    assert_eq!((report["rows"].as_u64(), report["lost_rows"].as_u64()), (Some(100), Some(40)));
+    assert!(report["log_likelihood"].as_f64().is_some_and(f64::is_finite), "{report}");
     let text = fs::read_to_string(folder.path().join("f.csv")).expect("estimates");
     let (means, regions) = (cells(&text, "v"), cells(&text, "region"));
     assert!(means[..60].iter().all(|cell| !cell.is_empty()) && means[60..].iter().all(String::is_empty), "{text}");
     assert!(regions[..60].iter().all(|cell| cell != "-1") && regions[60..].iter().all(|cell| cell == "-1"), "{text}");
     // The episodes between long gaps are filtered to their ends.
     let filter = "filter u.json far.csv --measured v=0.01 --json";
-    let told = fleetfoot(folder.path(), &filter.split(' ').collect::<Vec<_>>()).ok().json();
-    assert_eq!(told["lost_rows"].as_u64(), Some(0));
+    let report = fleetfoot(folder.path(), &filter.split(' ').collect::<Vec<_>>()).ok().json();
+    assert_eq!(report["lost_rows"].as_u64(), Some(0));
 }

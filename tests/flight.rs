@@ -79,8 +79,8 @@ fn apart(fused: &Fused, imu: &ImuRecord<'_>, truth: &Table) -> Apart {
     let (mut normal, mut right) = ([[0.0; 5]; 5], [0.0; 5]);
     let (mut positions, mut biases, mut rows) = (0.0, 0.0, 0.0);
     for (row, &time) in truth.times.iter().enumerate() {
-        let found = fused.tracks.iter().find_map(|track| track.at(imu, fused.constants.gravity, &fused.noise, time));
-        let Some(BodyState { attitude, position, velocity, gyro_bias, .. }) = found else { continue };
+        let state = fused.tracks.iter().find_map(|track| track.at(imu, fused.constants.gravity, &fused.noise, time));
+        let Some(BodyState { attitude, position, velocity, gyro_bias, .. }) = state else { continue };
         let axes = [0, 1, 2].map(|axis| turned(attitude, std::array::from_fn(|i| f64::from(u8::from(i == axis)))));
         for axis in 0..3 {
             let away = truth.columns[axis][row] - position[axis];
@@ -145,20 +145,25 @@ fn a_flight_agrees_with_the_published_state() {
     };
     let fused = fuse(&[run], &options).unwrap();
     let offset = fused.constants.offset;
-    let found = apart(&fused, &imu, &truth);
+    let differences = apart(&fused, &imu, &truth);
     eprintln!(
         "{} steps, offset {:.5} ({:.5}) s, lever {:?}; an axis: position {:.2e} m, aligned {:.2e} m at {:.4?} s, gyro bias {:.1e} rad/s",
         fused.steps,
         offset.value,
         offset.deviation,
         fused.constants.lever.map(|axis| axis.value),
-        found.position,
-        found.aligned,
-        found.shift,
-        found.gyro_bias
+        differences.position,
+        differences.aligned,
+        differences.shift,
+        differences.gyro_bias
     );
     assert!(fused.converged && fused.tracks.len() == 1 && fused.outside < 10);
     assert!((offset.value - 0.1998).abs() < 1e-3 && offset.deviation < 2e-4, "{offset:?}");
-    assert!(found.aligned < 1.15e-3 && found.shift[0].abs() < 0.01, "{} {:?}", found.aligned, found.shift);
-    assert!(found.gyro_bias < 3e-4, "{}", found.gyro_bias);
+    assert!(
+        differences.aligned < 1.15e-3 && differences.shift[0].abs() < 0.01,
+        "{} {:?}",
+        differences.aligned,
+        differences.shift
+    );
+    assert!(differences.gyro_bias < 3e-4, "{}", differences.gyro_bias);
 }

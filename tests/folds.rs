@@ -52,7 +52,7 @@ fn recordings(noise: f64) -> tempfile::TempDir {
 
 const STATES: [&str; 4] = ["--states", "x,y", "--library", "poly(3)"];
 
-fn fit(folder: &Path, method: &str, arguments: &[&str]) -> Said {
+fn fit(folder: &Path, method: &str, arguments: &[&str]) -> Run {
     let all: Vec<&str> = ["fit", method, "--json"].into_iter().chain(arguments.iter().copied()).collect();
     fleetfoot(folder, &all)
 }
@@ -63,8 +63,8 @@ fn sindy(folder: &Path, files: &[&str], more: &[&str]) -> serde_json::Value {
 }
 
 /// The sorted terms of the equations.
-fn terms(found: &serde_json::Value) -> Vec<Vec<String>> {
-    let equations = found["regions"][0]["equations"].as_array().unwrap_or_else(|| panic!("{found}"));
+fn terms(report: &serde_json::Value) -> Vec<Vec<String>> {
+    let equations = report["regions"][0]["equations"].as_array().unwrap_or_else(|| panic!("{report}"));
     let of = |equation: &serde_json::Value| {
         let terms = equation["terms"].as_array().into_iter().flatten();
         let mut names: Vec<String> = terms.filter_map(|term| term["function"].as_str().map(str::to_owned)).collect();
@@ -80,28 +80,28 @@ fn number(value: &serde_json::Value) -> f64 {
 }
 
 #[test]
-fn two_short_recordings_are_as_right_as_one() {
+fn short_recordings_give_the_true_terms() {
     let folder = recordings(0.0);
     let truth = [vec!["1", "x", "x^2*y"], vec!["x", "x^2*y"]];
     for files in [&["a.csv"][..], &["b.csv"], &["a.csv", "b.csv"]] {
-        let found = sindy(folder.path(), files, &[]);
-        assert_eq!(terms(&found), truth, "{files:?}");
-        for equation in found["regions"][0]["equations"].as_array().unwrap() {
+        let report = sindy(folder.path(), files, &[]);
+        assert_eq!(terms(&report), truth, "{files:?}");
+        for equation in report["regions"][0]["equations"].as_array().unwrap() {
             assert!(number(&equation["held_out_r2"]) > 0.99, "{files:?}: {equation}");
         }
     }
 }
 
 #[test]
-fn every_number_of_folds_means_what_it_says() {
+fn each_folds_option_has_its_rule() {
     let folder = recordings(0.0);
     let path = folder.path();
     let mut rules = Vec::new();
     for (folds, count) in [("2", 2), ("4", 4), ("10", 10), ("episodes", 2), ("splits:7", 7)] {
-        let found = sindy(path, &["a.csv", "b.csv"], &["--folds", folds]);
-        assert_eq!(found["folds"], count, "{folds}");
-        let rule = found["fold_rule"].as_str().unwrap_or_default().to_owned();
-        assert!(!rule.is_empty() && found["choice"].as_str().unwrap().contains(&rule), "{found}");
+        let report = sindy(path, &["a.csv", "b.csv"], &["--folds", folds]);
+        assert_eq!(report["folds"], count, "{folds}");
+        let rule = report["fold_rule"].as_str().unwrap_or_default().to_owned();
+        assert!(!rule.is_empty() && report["choice"].as_str().unwrap().contains(&rule), "{report}");
         rules.push(rule);
     }
     assert!(rules[0].contains("2 folds of spans, 6 an episode of up to 84 rows"), "{rules:?}");
@@ -111,7 +111,7 @@ fn every_number_of_folds_means_what_it_says() {
     let all: Vec<&str> = ["fit", "sindy", "a.csv", "b.csv"].into_iter().chain(STATES).collect();
     let text = fleetfoot(path, &all).ok().out;
     assert!(text.contains("10 folds of spans, 10 an episode of up to 50 rows"), "{text}");
-    // What cannot be is refused, with an option that there is.
+    // Impossible folds are refused, with an option that works.
     let refused = |files: &[&str], folds: &str, words: &[&str]| {
         let all: Vec<&str> = files.iter().chain(&STATES).copied().chain(["--folds", folds]).collect();
         fit(path, "sindy", &all).fails(words);
@@ -129,14 +129,15 @@ fn the_rule_is_that_of_every_method() {
     let pwa = fit(path, "pwa", &["a.csv", "b.csv", "--states", "x,y", "--folds", "4"]).ok().json();
     assert!(pwa["fold_rule"].as_str().unwrap().starts_with(rule), "{}", pwa["fold_rule"]);
     let sparse = ["a.csv", "b.csv", "--predict", "y", "--inputs", "x", "--degree", "2", "--folds", "4"];
-    let found = fit(path, "sparse", &sparse).ok().json();
-    let said = found["lambda"]["validation"]["fold_rule"].as_str().unwrap_or_else(|| panic!("{found}")).to_owned();
-    assert!(said.starts_with("4 folds of spans, 8 an episode"), "{said}");
+    let report = fit(path, "sparse", &sparse).ok().json();
+    let fold_rule =
+        report["lambda"]["validation"]["fold_rule"].as_str().unwrap_or_else(|| panic!("{report}")).to_owned();
+    assert!(fold_rule.starts_with("4 folds of spans, 8 an episode"), "{fold_rule}");
 }
 
 /// At this threshold the folds keep the term about as often as not, and all rows just drop it.
 #[test]
-fn the_held_out_error_is_that_of_the_written_model() {
+fn held_out_errors_belong_to_written_models() {
     let mut text = String::from("t,x,y\n");
     let mut noises = Noise(5);
     let (mut square, mut rows) = (0.0, 0.0);
@@ -165,10 +166,10 @@ fn the_held_out_error_is_that_of_the_written_model() {
 }
 
 #[test]
-fn a_noisy_exact_model_has_an_honest_held_out_error() {
+fn exact_models_have_honest_held_out_errors() {
     let folder = recordings(0.01);
-    let found = sindy(folder.path(), &["a.csv", "b.csv"], &[]);
-    for equation in found["regions"][0]["equations"].as_array().unwrap() {
+    let report = sindy(folder.path(), &["a.csv", "b.csv"], &[]);
+    for equation in report["regions"][0]["equations"].as_array().unwrap() {
         let (all, held_out) = (number(&equation["r2"]), number(&equation["held_out_r2"]));
         assert!(held_out <= all + 0.02 && held_out > all - 0.1, "{equation}");
     }
@@ -204,13 +205,13 @@ fn a_sparse_model_is_held_out_refitted() {
     let expected = (squares / 800.0).sqrt();
     // The lasso at this lambda shrinks the slope by a third, and would err by seven times as much.
     let arguments = ["a.csv", "b.csv", "--predict", "y", "--inputs", "x", "--lambda", "0.3", "--folds", "episodes"];
-    let found = fit(folder.path(), "sparse", &arguments).ok().json();
-    let held_out = number(&found["tasks"][0]["held_out_rms"]);
-    assert!((held_out / expected - 1.0).abs() < 1e-9, "{held_out}, not {expected}: {found}");
+    let report = fit(folder.path(), "sparse", &arguments).ok().json();
+    let held_out = number(&report["tasks"][0]["held_out_rms"]);
+    assert!((held_out / expected - 1.0).abs() < 1e-9, "{held_out}, not {expected}: {report}");
 }
 
 #[test]
-fn what_a_bounded_model_is_held_out_by_is_bounded_too() {
+fn bounded_models_have_bounded_held_out_fits() {
     let mut noises = Noise(5);
     let folder = tempfile::tempdir().expect("a folder");
     let mut files: Vec<Vec<[f64; 2]>> = Vec::new();
@@ -242,20 +243,20 @@ fn what_a_bounded_model_is_held_out_by_is_bounded_too() {
     fs::write(folder.path().join("spring.toml"), recipe).expect("a file");
     let arguments =
         ["-c", "spring.toml", "a.csv", "b.csv", "--lambda", "0", "--folds", "episodes", "--keep", "s.stats"];
-    let found = fit(folder.path(), "sparse", &arguments).ok().json();
-    let task = &found["tasks"][0];
+    let report = fit(folder.path(), "sparse", &arguments).ok().json();
+    let task = &report["tasks"][0];
     // A bound is kept beyond itself by a millionth of what is bounded.
     for (key, expected) in [("held_out_rms", held_out(&|k| k.max(2.0))), ("free_held_out_rms", held_out(&|k| k))] {
-        let said = number(&task[key]);
-        assert!((said / expected - 1.0).abs() < 1e-5, "{key} {said}, not {expected}: {found}");
+        let reported = number(&task[key]);
+        assert!((reported / expected - 1.0).abs() < 1e-5, "{key} {reported}, not {expected}: {report}");
     }
     // A bound that is the same at every row needs no rows.
     let again = fit(folder.path(), "sparse", &["-c", "spring.toml", "s.stats", "--lambda", "0", "--folds", "episodes"]);
-    assert_eq!(again.ok().json()["tasks"], found["tasks"]);
+    assert_eq!(again.ok().json()["tasks"], report["tasks"]);
 }
 
 #[test]
-fn a_row_an_episode_is_refused_with_the_reason() {
+fn episodes_of_one_row_are_refused() {
     let mut text = String::from("t,x,y\n");
     for row in 0..3000 {
         let x = (0.1 * f64::from(row)).sin();

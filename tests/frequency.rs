@@ -32,7 +32,7 @@ fn closed_form(frequency: f64) -> [f64; 2] {
 /// Frequencies, responses and radii of the excited lines.
 fn excited(response: &serde_json::Value) -> Vec<(f64, [f64; 2], f64)> {
     let all = |name: &str| -> Vec<f64> {
-        response[name].as_array().expect(name).iter().map(|own| own.as_f64().unwrap_or(f64::NAN)).collect()
+        response[name].as_array().expect(name).iter().map(|value| value.as_f64().unwrap_or(f64::NAN)).collect()
     };
     let [frequency, real, imaginary, radius] = ["frequency", "real", "imaginary", "radius"].map(all);
     let is_excited = |at: &usize| response["excited"][at] == true;
@@ -44,14 +44,14 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 #[test]
-fn the_response_of_a_stage_is_its_closed_form() {
+fn responses_match_their_closed_form() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     stage(path, 0.0, "linear");
     let words = ["frequency", "linear", "--input", "u", "--output", "qd", "--json"];
     // A period of the multisine: 800 rows. Beginnings decay by exp(-2.1 * 4) a period.
-    let found = fleetfoot(path, &[words.as_slice(), &["--period", "4", "--skip", "3"]].concat()).ok().json();
-    let lines = excited(&found["measured"]);
+    let report = fleetfoot(path, &[words.as_slice(), &["--period", "4", "--skip", "3"]].concat()).ok().json();
+    let lines = excited(&report["measured"]);
     assert!(lines.len() > 25, "{}", lines.len());
     for (frequency, value, _) in &lines {
         let truth = closed_form(*frequency);
@@ -62,15 +62,15 @@ fn the_response_of_a_stage_is_its_closed_form() {
     let set = ["--set", "dry=0.0", "--set", "offset=0.0", "-o", "random"];
     fleetfoot(path, &[random.as_slice(), &set].concat()).ok();
     let words_of_random = ["frequency", "random", "--input", "u", "--output", "qd", "--json", "--segment", "5"];
-    let found = fleetfoot(path, &words_of_random).ok().json();
-    assert_eq!(found["samples"], 1024);
-    for (frequency, value, _) in excited(&found["measured"]).iter().filter(|line| line.0 > 1.0) {
+    let report = fleetfoot(path, &words_of_random).ok().json();
+    assert_eq!(report["samples"], 1024);
+    for (frequency, value, _) in excited(&report["measured"]).iter().filter(|line| line.0 > 1.0) {
         let truth = closed_form(*frequency);
         assert!(distance(*value, truth) < 0.05 * truth[0].hypot(truth[1]), "{frequency}: {value:?} {truth:?}");
     }
     // A linear stage moves at no other multiple.
-    let found = fleetfoot(path, &[words.as_slice(), &["--period", "4", "--skip", "3"]].concat()).ok().json();
-    let levels = &found["measured"]["distortion"];
+    let report = fleetfoot(path, &[words.as_slice(), &["--period", "4", "--skip", "3"]].concat()).ok().json();
+    let levels = &report["measured"]["distortion"];
     let level = |levels: &serde_json::Value, name: &str| {
         levels[name].as_f64().expect(name) / levels["excited"].as_f64().expect("excited")
     };
@@ -78,13 +78,13 @@ fn the_response_of_a_stage_is_its_closed_form() {
     // Dry friction is an odd function: odd multiples far above even ones.
     stage(path, 20.39, "dry");
     let words = ["frequency", "dry", "--input", "u", "--output", "qd", "--json", "--period", "4", "--skip", "3"];
-    let found = fleetfoot(path, &words).ok().json();
-    let levels = &found["measured"]["distortion"];
+    let report = fleetfoot(path, &words).ok().json();
+    let levels = &report["measured"]["distortion"];
     assert!(level(levels, "odd") > 0.01 && level(levels, "odd") > 10.0 * level(levels, "even"), "{levels}");
 }
 
 #[test]
-fn a_model_is_laid_over_the_log_on_a_page() {
+fn pages_show_model_and_log_responses() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     stage(path, 0.0, "linear");
@@ -93,8 +93,8 @@ fn a_model_is_laid_over_the_log_on_a_page() {
     fleetfoot(path, &[fit.as_slice(), &["-o", "model.json", "--quiet"]].concat()).ok();
     let words = ["frequency", "model.json", "linear", "--input", "u", "--output", "qd", "--period", "4", "--skip", "3"];
     let files = ["--page", "bode.html", "--svg", "figures", "--json"];
-    let found = fleetfoot(path, &[words.as_slice(), &files].concat()).ok().json();
-    for (frequency, value, _) in excited(&found["model"]) {
+    let report = fleetfoot(path, &[words.as_slice(), &files].concat()).ok().json();
+    for (frequency, value, _) in excited(&report["model"]) {
         let truth = closed_form(frequency);
         assert!(distance(value, truth) < 1e-4 * truth[0].hypot(truth[1]), "{frequency}: {value:?} {truth:?}");
     }
@@ -112,9 +112,9 @@ fn requests_that_cannot_be_met_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     stage(path, 0.0, "linear");
-    let refused = |options: &[&str], said: &str| {
+    let refused = |options: &[&str], message: &str| {
         let words = ["frequency", "linear", "--input", "u", "--output", "qd"];
-        fleetfoot(path, &[words.as_slice(), options].concat()).fails(&[said]);
+        fleetfoot(path, &[words.as_slice(), options].concat()).fails(&[message]);
     };
     refused(&["--period", "4.0021"], "whole number");
     refused(&["--period", "0.01"], "four samples");

@@ -137,7 +137,7 @@ delay = "auto"
 clip = 0.1
 "#;
 
-fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Said {
+fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Run {
     fs::write(folder.join("body.toml"), recipe).unwrap();
     fleetfoot(folder, &[&["prepare", "-c", "body.toml", "run.mcap", "-o", "clean", "--force"][..], flags].concat())
 }
@@ -149,11 +149,11 @@ fn the_motion_of_a_body_is_prepared() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_body(&path.join("run.mcap"), LONG);
-    let said = prepare(path, RECIPE, &["--json"]).ok().json();
-    let body = &said["body"];
-    let near = |found: &serde_json::Value, deviation: &serde_json::Value, truth: f64| {
-        let (found, deviation) = (found.as_f64().unwrap(), deviation.as_f64().unwrap());
-        assert!(deviation > 0.0 && (found - truth).abs() < 4.0 * deviation, "{found} {deviation} {truth}");
+    let report = prepare(path, RECIPE, &["--json"]).ok().json();
+    let body = &report["body"];
+    let near = |value: &serde_json::Value, deviation: &serde_json::Value, truth: f64| {
+        let (value, deviation) = (value.as_f64().unwrap(), deviation.as_f64().unwrap());
+        assert!(deviation > 0.0 && (value - truth).abs() < 4.0 * deviation, "{value} {deviation} {truth}");
         deviation
     };
     for axis in 0..3 {
@@ -179,7 +179,7 @@ fn the_motion_of_a_body_is_prepared() {
     let column = |name: &str| &rows.columns.iter().find(|(column, _)| column.name == name).unwrap().1;
     let times: Vec<f64> = rows.stamps.iter().map(|stamp| (stamp - START) as f64 * 1e-9).collect();
     let rms = |name: &str, truth: &dyn Fn(f64) -> f64| {
-        let squares: f64 = column(name).iter().zip(&times).map(|(own, &t)| (own - truth(t)).powi(2)).sum();
+        let squares: f64 = column(name).iter().zip(&times).map(|(value, &t)| (value - truth(t)).powi(2)).sum();
         (squares / times.len() as f64).sqrt()
     };
     let velocity = |t: f64| AXES[0][0] * AXES[0][1] * (AXES[0][1] * t + AXES[0][2]).cos();
@@ -196,29 +196,29 @@ fn the_motion_of_a_body_is_prepared() {
     let allowed = [2e-3, 5e-3, 7e-3, 4e-2, 2e-3, 2e-3, 2e-3];
     assert!(errors.iter().zip(allowed).all(|(error, most)| *error < most), "{errors:?}");
     // The lamp is held for 20 ms.
-    assert!(rms("light", &|t| (0.5 * t).sin()) < 0.01 && column("x_deviation").iter().all(|own| *own < 4e-3));
+    assert!(rms("light", &|t| (0.5 * t).sin()) < 0.01 && column("x_deviation").iter().all(|value| *value < 4e-3));
     fleetfoot(path, &["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--degree", "1"]).ok();
 }
 
 /// On request the attitude is one rotation: the output is ready for a fit, and its rollouts turn as the body does, with
 /// one error of the attitude. A note names angles near their singularity.
 #[test]
-fn the_attitude_of_a_body_is_a_rotation_on_request() {
+fn attitudes_become_rotations_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_body(&path.join("run.mcap"), LONG);
-    let said = prepare(path, &RECIPE.replace("[body]", "[body]\nattitude = \"quaternion\""), &[]).ok();
-    assert!(!said.err.contains("degrees"), "{}", said.err);
+    let output = prepare(path, &RECIPE.replace("[body]", "[body]\nattitude = \"quaternion\""), &[]).ok();
+    assert!(!output.err.contains("degrees"), "{}", output.err);
     let recipe = fs::read_to_string(path.join("clean/robot.toml")).unwrap();
     assert!(recipe.contains("kind = \"quaternion\"") && !recipe.contains("roll"), "{recipe}");
     fleetfoot(path, &["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--degree", "1"]).ok();
     let shown = fleetfoot(path, &["show", "model.json"]).ok().out;
     assert!(shown.contains("d(qz)/dt = 0.5*(qw*wz + (qx*wy - qy*wx))  (given)"), "{shown}");
-    let said =
+    let report =
         fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "4", "--method", "rk4", "--json"]).ok().json();
-    let names = said["states"].as_array().unwrap();
+    let names = report["states"].as_array().unwrap();
     let at = names.iter().position(|name| name == "attitude").unwrap();
-    let steps = said["model"]["rmse"].as_array().unwrap();
+    let steps = report["model"]["rmse"].as_array().unwrap();
     // Over 20 ms the body turns by some 0.03 rad; rates are fitted by lines of the states, and read to 0.006 rad/s.
     let off = steps[steps.len() - 1][at].as_f64().unwrap();
     assert!(off < 2e-3, "{off} {names:?}");
@@ -240,16 +240,16 @@ fn the_attitude_of_a_body_is_a_rotation_on_request() {
     let start = RECIPE.find("channels = [\"/mocap").unwrap();
     let end = start + RECIPE[start..].find(']').unwrap() + 1;
     let steep = format!("{}channels = [{}]{}", &RECIPE[..start], turned.join(", "), &RECIPE[end..]);
-    let said = prepare(path, &steep, &[]).ok();
+    let output = prepare(path, &steep, &[]).ok();
     assert!(
-        said.err.contains("the pitch of the body reaches") && said.err.contains("attitude = \"quaternion\""),
+        output.err.contains("the pitch of the body reaches") && output.err.contains("attitude = \"quaternion\""),
         "{}",
-        said.err
+        output.err
     );
     let taken =
         RECIPE.replace("[body]", "[body]\nattitude = \"quaternion\"").replace("light = {}", "attitude = \"light\"");
-    let said = prepare(path, &taken, &[]);
-    assert!(said.code == 1 && said.err.contains("give it another name"), "{}", said.err);
+    let output = prepare(path, &taken, &[]);
+    assert!(output.code == 1 && output.err.contains("give it another name"), "{}", output.err);
 }
 
 fn position_at(t: f64) -> f64 {
@@ -261,21 +261,21 @@ fn fused_bytes_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_body(&path.join("run.mcap"), LONG);
-    let given = RECIPE
+    let recipe = RECIPE
         .replace("kind = \"imu\"", "kind = \"imu\"\nnoise = [4e-4, 2e-3]")
         .replace("kind = \"pose\"", "kind = \"pose\"\nnoise = [6e-4, 1e-3]");
     let written = ["1", "7"].map(|threads| {
-        let said = prepare(path, &given, &["--threads", threads, "--json"]).ok();
-        (said.out, fs::read(path.join("clean/run.clean.parquet")).unwrap())
+        let output = prepare(path, &recipe, &["--threads", threads, "--json"]).ok();
+        (output.out, fs::read(path.join("clean/run.clean.parquet")).unwrap())
     });
-    let text = prepare(path, &given, &[]).ok().out;
+    let text = prepare(path, &recipe, &[]).ok().out;
     assert!(
         text.contains("fused 1500 poses: 6 positions") && text.contains("attitude 0.001000 rad, as given"),
         "{text}"
     );
     assert!(text.contains("gravity") && text.contains("(deviations of its direction "), "{text}");
     // A delay that is not asked for is nothing, without a sign.
-    let punctual = given.replace("delay = \"auto\"\n", "").replace("gravity = 9.81", "gravity = 9.81\ngate = 0.0");
+    let punctual = recipe.replace("delay = \"auto\"\n", "").replace("gravity = 9.81", "gravity = 9.81\ngate = 0.0");
     let text = prepare(path, &punctual, &[]).ok().out;
     assert!(text.contains("delay     0, as given"), "{text}");
     assert!(written[0] == written[1] && written[0].0.contains("\"noise_fitted\": false"), "{}", written[0].0);
@@ -290,14 +290,14 @@ fn gyroscope() -> String {
 /// Without an accelerometer attitude, rate and delay are as accurate as with it, and the poses determine position,
 /// velocity and acceleration. A joint stands beside the body, at the stamps of the gyroscope.
 #[test]
-fn a_gyroscope_alone_and_a_joint_beside_the_body() {
+fn gyroscopes_and_joints_are_fused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_body(&path.join("run.mcap"), LONG);
     let recipe = gyroscope().replace("lever = \"auto\"", &format!("lever = {MOUNT:?}"))
         + "[joint.arm]\n[sensor.encoder]\nkind = \"position\"\nchannels = [\"/lamp.illuminance\"]\nnoise = [1e-4]\n";
-    let said = prepare(path, &recipe, &["--json"]).ok().json();
-    let (body, joint) = (&said["body"], &said["joints"][0]);
+    let report = prepare(path, &recipe, &["--json"]).ok().json();
+    let (body, joint) = (&report["body"], &report["joints"][0]);
     assert!(body["converged"] == true && body["accelerometer"] == false && body["jerk"].as_f64().unwrap() > 0.0);
     let [delay, deviation] = ["delay", "delay_deviation"].map(|name| body[name].as_f64().unwrap());
     assert!((delay - 0.008).abs() < 4.0 * deviation && deviation < 5e-4, "{body:#}");
@@ -308,7 +308,7 @@ fn a_gyroscope_alone_and_a_joint_beside_the_body() {
     let times: Vec<f64> = rows.stamps.iter().map(|stamp| (stamp - START) as f64 * 1e-9).collect();
     let rms = |name: &str, truth: &dyn Fn(f64) -> f64| {
         let column = &rows.columns.iter().find(|(column, _)| column.name == name).unwrap().1;
-        let squares: f64 = column.iter().zip(&times).map(|(own, &t)| (own - truth(t)).powi(2)).sum();
+        let squares: f64 = column.iter().zip(&times).map(|(value, &t)| (value - truth(t)).powi(2)).sum();
         (squares / times.len() as f64).sqrt()
     };
     let [size, rate_of, phase] = AXES[0];
@@ -337,7 +337,7 @@ fn a_body_is_filtered() {
     let path = folder.path();
     write_body(&path.join("run.mcap"), LONG);
     let names = ["x", "vx", "x_deviation", "vx_deviation"].map(str::to_owned);
-    let told = |recipe: &str| {
+    let prepared_errors = |recipe: &str| {
         prepare(path, recipe, &[]).ok();
         let file = path.join("clean/run.clean.parquet");
         let rows = read_rows(&Recipe::default(), Some(&names), &[file], &Silent).unwrap();
@@ -349,9 +349,9 @@ fn a_body_is_filtered() {
         let off: Vec<f64> = rows_of("x").iter().zip(&times).map(|(x, &t)| x - position_at(t)).collect();
         [rms(&off), rms(&rows_of("x_deviation")), rms(&rows_of("vx_deviation"))]
     };
-    let filter = told(&RECIPE.replace("[body]", "[body]\nestimate = \"filter\""));
-    let smoother = told(RECIPE);
-    // Where the body is hangs on the lever, of which both know the same.
+    let filter = prepared_errors(&RECIPE.replace("[body]", "[body]\nestimate = \"filter\""));
+    let smoother = prepared_errors(RECIPE);
+    // Both have the same error of the lever, and with it of the position.
     assert!(filter.iter().zip(smoother).all(|(filter, smoother)| *filter > smoother), "{filter:?} {smoother:?}");
     assert!(filter[2] > 1.2 * smoother[2], "{filter:?} {smoother:?}");
     assert!((0.5..2.0).contains(&(filter[0] / filter[1])), "{filter:?}");
@@ -386,16 +386,16 @@ fn a_killed_preparation_writes_the_same_bytes() {
 /// Common faults of logs: degrees, units of gravity, forces without gravity, parts of quaternions in another order or
 /// the other way round. A file is written, and a note names the fault.
 #[test]
-fn wrong_units_and_frames_are_told() {
+fn wrong_units_and_frames_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let turn = |by: f64| move |vector: &mut [f64; 3]| vector.iter_mut().for_each(|own| *own *= by);
+    let turn = |by: f64| move |vector: &mut [f64; 3]| vector.iter_mut().for_each(|part| *part *= by);
     let degrees = |rate: &mut [f64; 3], _: &mut [f64; 3]| turn(180.0 / std::f64::consts::PI)(rate);
     let in_g = |_: &mut [f64; 3], force: &mut [f64; 3]| turn(1.0 / 9.81)(force);
     let as_is = |_: &mut [f64; 3], _: &mut [f64; 3]| {};
     let seen = |_: f64, _: &mut [f64; 3], _: &mut [f64; 4]| {};
-    let first_w = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own.rotate_right(1);
-    let world_to_body = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own[3] = -own[3];
+    let first_w = |_: f64, _: &mut [f64; 3], quaternion: &mut [f64; 4]| quaternion.rotate_right(1);
+    let world_to_body = |_: f64, _: &mut [f64; 3], quaternion: &mut [f64; 4]| quaternion[3] = -quaternion[3];
     // It takes some seconds to know a bias.
     let cases: [(Read<'_>, See<'_>, usize, &str); 4] = [
         (&degrees, &seen, SHORT, "rad/s"),
@@ -405,11 +405,11 @@ fn wrong_units_and_frames_are_told() {
     ];
     for (read, see, rows, words) in cases {
         write_wrong(&path.join("run.mcap"), rows, read, see);
-        let said = prepare(path, RECIPE, &["--json"]).ok().json();
-        let notes = said["notes"].to_string();
+        let report = prepare(path, RECIPE, &["--json"]).ok().json();
+        let notes = report["notes"].to_string();
         assert!(notes.contains("check") && notes.contains(words), "{words}: {notes}");
     }
-    // Where all is right nothing of the kind is said.
+    // A correct recording gets no such note.
     write_body(&path.join("run.mcap"), SHORT);
     let notes = prepare(path, RECIPE, &["--json"]).ok().json()["notes"].to_string();
     assert!(!notes.contains("check"), "{notes}");
@@ -418,25 +418,26 @@ fn wrong_units_and_frames_are_told() {
 /// A camera that does not see the body sends zeros or its last pose again: these are no poses. Quaternions that are
 /// longer than one are normalised. Notes name both, and rows that no pose determines.
 #[test]
-fn poses_that_are_none_are_left_out() {
+fn invalid_poses_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let as_is = |_: &mut [f64; 3], _: &mut [f64; 3]| {};
     let is_lost = |t: f64| t > 1.0 && t < 1.5;
-    let zeros = |t: f64, position: &mut [f64; 3], own: &mut [f64; 4]| {
+    let zeros = |t: f64, position: &mut [f64; 3], quaternion: &mut [f64; 4]| {
         if is_lost(t) {
-            // A message whose quaternion is zero to the last bit has none: that is told already.
-            (*position, *own) = ([0.0; 3], [0.0, 0.0, 0.0, 1e-5]);
+            // A message whose quaternion is zero to the last bit has none, which another note counts.
+            (*position, *quaternion) = ([0.0; 3], [0.0, 0.0, 0.0, 1e-5]);
         }
     };
     let last = std::cell::Cell::new(([0.0; 3], [0.0; 4]));
-    let again = |t: f64, position: &mut [f64; 3], own: &mut [f64; 4]| {
+    let again = |t: f64, position: &mut [f64; 3], quaternion: &mut [f64; 4]| {
         if is_lost(t) {
-            (*position, *own) = last.get();
+            (*position, *quaternion) = last.get();
         }
-        last.set((*position, *own));
+        last.set((*position, *quaternion));
     };
-    let long = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own.iter_mut().for_each(|part| *part *= 1.5);
+    let long =
+        |_: f64, _: &mut [f64; 3], quaternion: &mut [f64; 4]| quaternion.iter_mut().for_each(|part| *part *= 1.5);
     let early = |t: f64, position: &mut [f64; 3], _: &mut [f64; 4]| {
         if t > 3.0 {
             *position = [f64::NAN; 3];
@@ -455,20 +456,20 @@ fn poses_that_are_none_are_left_out() {
         (&long, "400 poses are not of length 1 (1.4"),
     ] {
         write_wrong(&path.join("run.mcap"), SHORT, &as_is, see);
-        let said = prepare(path, RECIPE, &["--json"]).ok().json();
-        let notes = said["notes"].to_string();
+        let report = prepare(path, RECIPE, &["--json"]).ok().json();
+        let notes = report["notes"].to_string();
         assert!(notes.contains(words), "{words}: {notes}");
-        assert!((said["body"]["delay"].as_f64().unwrap() - 0.008).abs() < 2e-3, "{words}: {}", said["body"]);
+        assert!((report["body"]["delay"].as_f64().unwrap() - 0.008).abs() < 2e-3, "{words}: {}", report["body"]);
         // Half a second without poses is bridged by the inertial sensor.
         assert!(worst() < 0.03, "{words}: {}", worst());
     }
     write_wrong(&path.join("run.mcap"), SHORT, &as_is, &early);
-    let said = prepare(path, RECIPE, &[]).ok();
-    assert!(said.out.contains("before, between or after the sensors' readings"), "{}", said.out);
+    let output = prepare(path, RECIPE, &[]).ok();
+    assert!(output.out.contains("before, between or after the sensors' readings"), "{}", output.out);
 }
 
 #[test]
-fn bodies_that_cannot_be_fused_are_told() {
+fn impossible_bodies_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_body(&path.join("run.mcap"), SHORT);

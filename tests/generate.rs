@@ -10,7 +10,7 @@ use crate::runner::*;
 /// A hexapod's runs, short and without the seconds before the log begins.
 const SHORT: [&str; 4] = ["generate", "hexapod", "--set", "settle=0.1"];
 
-fn generate(folder: &Path, arguments: &[&str]) -> Said {
+fn generate(folder: &Path, arguments: &[&str]) -> Run {
     let all: Vec<&str> = SHORT.iter().chain(arguments).copied().collect();
     fleetfoot(folder, &all)
 }
@@ -23,10 +23,10 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// A usage error: exit code 2, with these words.
-fn misused(said: &Said, words: &[&str]) {
-    assert_eq!(said.code, 2, "{}{}", said.out, said.err);
+fn misused(output: &Run, words: &[&str]) {
+    assert_eq!(output.code, 2, "{}{}", output.out, output.err);
     for word in words {
-        assert!(said.err.contains(word), "`{word}` is missing from: {}", said.err);
+        assert!(output.err.contains(word), "`{word}` is missing from: {}", output.err);
     }
 }
 
@@ -64,18 +64,18 @@ fn from_nothing_to_a_model() {
 }
 
 #[test]
-fn bytes_depend_on_the_seed_and_not_on_the_threads() {
+fn bytes_depend_on_the_seed_only() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, more: &[&str]| {
         generate(folder.path(), &[&["--seconds", "0.5", "-o", name], more].concat()).ok();
         files(&folder.path().join(name))
     };
-    let one = write("a", &["--runs", "3", "--threads", "1"]);
-    assert!(one == write("b", &["--runs", "3", "--threads", "2"]));
-    assert!(one == write("c", &["--runs", "3", "--threads", "7"]));
+    let single = write("a", &["--runs", "3", "--threads", "1"]);
+    assert!(single == write("b", &["--runs", "3", "--threads", "2"]));
+    assert!(single == write("c", &["--runs", "3", "--threads", "7"]));
     let late = write("d", &["--first-run", "2", "--runs", "1"]);
-    assert!(late["hexapod_02.mcap"] == one["hexapod_02.mcap"]);
-    // A log tells the world that it was made in, and with it its bytes are made again.
+    assert!(late["hexapod_02.mcap"] == single["hexapod_02.mcap"]);
+    // A log has its world, from which its bytes are made again.
     let set = write("f", &["--set", "belt.speed=0.17", "--first-run", "5"]);
     let again = fleetfoot(
         folder.path(),
@@ -84,7 +84,7 @@ fn bytes_depend_on_the_seed_and_not_on_the_threads() {
     again.ok();
     assert!(files(&folder.path().join("g"))["hexapod_05.mcap"] == set["hexapod_05.mcap"]);
     let other = write("e", &["--seed", "4"]);
-    assert!(one["hexapod_00.mcap"] != other["hexapod_00.mcap"]);
+    assert!(single["hexapod_00.mcap"] != other["hexapod_00.mcap"]);
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn worlds_are_printed_read_and_refused() {
 }
 
 #[test]
-fn flags_that_make_no_sense_are_usage_errors() {
+fn senseless_flags_are_usage_errors() {
     let folder = tempfile::tempdir().unwrap();
     let say = |arguments: &[&str]| fleetfoot(folder.path(), &[&["generate"], arguments].concat());
     misused(&say(&["hexapd", "-o", "runs"]), &["hexapod"]);
@@ -160,7 +160,7 @@ fn flags_that_make_no_sense_are_usage_errors() {
 }
 
 #[test]
-fn folders_are_not_mixed_and_nothing_half_written_stays() {
+fn folders_are_not_mixed_or_half_written() {
     let folder = tempfile::tempdir().unwrap();
     let brief = ["--seconds", "0.2", "-o", "runs"];
     generate(folder.path(), &[&brief[..], &["--runs", "3"]].concat()).ok();
@@ -194,7 +194,7 @@ fn a_full_disk_leaves_nothing_behind() {
 /// JSON is text, and names of files need not be: a path appears as in messages.
 #[cfg(unix)]
 #[test]
-fn a_folder_whose_name_is_no_text_is_told() {
+fn non_text_folders_are_printed() {
     use std::{ffi::OsStr, os::unix::ffi::OsStrExt};
     let folder = tempfile::tempdir().unwrap();
     let name = OsStr::from_bytes(b"r\xffns");
@@ -212,20 +212,20 @@ fn a_folder_whose_name_is_no_text_is_told() {
     let made = run(&flags);
     let shown = |value: &serde_json::Value| value.as_str().is_some_and(|path| path.starts_with("r\u{fffd}ns/"));
     assert!(shown(&made["runs"][0]["file"]) && shown(&made["recipe"]), "{made}");
-    let told = run(&["info", "--json"]);
-    assert!(shown(&told[0]["file"]), "{told}");
+    let info = run(&["info", "--json"]);
+    assert!(shown(&info[0]["file"]), "{info}");
 }
 
 /// Content of a log as `mcap-ros2-support` reads it.
 #[derive(Default)]
-struct Told {
+struct Contents {
     /// Messages and undecoded ones of each topic.
     topics: BTreeMap<String, (u64, u64)>,
     /// Values of each field.
     columns: BTreeMap<String, Vec<f64>>,
 }
 
-fn told_by_peer(path: &Path) -> Option<Told> {
+fn read_by_peer(path: &Path) -> Option<Contents> {
     let Some(python) = std::env::var_os("FLEETFOOT_PYTHON") else {
         eprintln!("skipped: FLEETFOOT_PYTHON does not name a Python with the packages of tests/peers/README.md");
         return None;
@@ -233,27 +233,29 @@ fn told_by_peer(path: &Path) -> Option<Told> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers/read_logs.py");
     let output = Command::new(python).arg(script).arg(path).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut told = Told::default();
+    let mut contents = Contents::default();
     for line in String::from_utf8(output.stdout).unwrap().lines() {
         let json: serde_json::Value = serde_json::from_str(line).unwrap();
         assert!(json["damage"].is_null(), "{line}");
         if let Some(messages) = json["messages"].as_u64() {
             let name = json["topic"].as_str().unwrap().to_owned();
-            told.topics.insert(name, (messages, json["undecoded"].as_u64().unwrap()));
+            contents.topics.insert(name, (messages, json["undecoded"].as_u64().unwrap()));
         } else if let Some(values) = json["values"].as_array() {
             let number = |value: &serde_json::Value| value.as_f64().unwrap_or(f64::NAN);
-            told.columns.insert(json["name"].as_str().unwrap().to_owned(), values.iter().map(number).collect());
+            contents.columns.insert(json["name"].as_str().unwrap().to_owned(), values.iter().map(number).collect());
         }
     }
-    Some(told)
+    Some(contents)
 }
 
 #[test]
-fn others_read_every_message_and_the_truth_in_it() {
+fn peers_read_messages_and_truth() {
     let folder = tempfile::tempdir().unwrap();
     let made = generate(folder.path(), &["--seconds", "2", "-o", "messages", "--json"]).ok().json();
     generate(folder.path(), &["--seconds", "2", "-o", "rows", "--format", "parquet"]).ok();
-    let Some(Told { topics, columns }) = told_by_peer(&folder.path().join("messages/hexapod_00.mcap")) else { return };
+    let Some(Contents { topics, columns }) = read_by_peer(&folder.path().join("messages/hexapod_00.mcap")) else {
+        return;
+    };
     assert!(topics.values().all(|&(messages, undecoded)| messages > 0 && undecoded == 0), "{topics:?}");
     assert_eq!(
         topics.values().map(|&(messages, _)| messages).sum::<u64>(),
@@ -274,7 +276,7 @@ fn others_read_every_message_and_the_truth_in_it() {
         ("/truth/cranks.position[1]", "alpha_r"),
         ("/truth/cmd_vel.twist.linear.x", "u_v"),
     ] {
-        let told = columns.get(field).unwrap_or_else(|| panic!("{field} of {:?}", columns.keys()));
-        assert!(told.as_slice() == block.core(rows.column_index(column).unwrap()), "{field}");
+        let values = columns.get(field).unwrap_or_else(|| panic!("{field} of {:?}", columns.keys()));
+        assert!(values.as_slice() == block.core(rows.column_index(column).unwrap()), "{field}");
     }
 }

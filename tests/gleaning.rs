@@ -26,7 +26,7 @@ fn fit(folder: &Path, method: &str, recipe: &str, more: &[&str], output: &str) {
 }
 
 #[test]
-fn every_fifth_row_is_what_its_lags_are() {
+fn every_fifth_row_equals_explicit_lags() {
     let folder = folder();
     let path = folder.path();
     // A table of the recipe and a flag say the same bytes.
@@ -50,14 +50,17 @@ fn every_fifth_row_is_what_its_lags_are() {
         let row = latent["coefficients"][0].as_array().unwrap().iter().chain(latent["constants"].as_array().unwrap());
         row.map(|number| number.as_f64().unwrap()).collect()
     };
-    let (own, by_hand) = (numbers(&gleaned), numbers(&hand));
-    assert!(own.len() == 7 && own.iter().zip(&by_hand).all(|(a, b)| (a - b).abs() < 1e-12), "{own:?} {by_hand:?}");
+    let (by_lags, by_hand) = (numbers(&gleaned), numbers(&hand));
+    assert!(
+        by_lags.len() == 7 && by_lags.iter().zip(&by_hand).all(|(a, b)| (a - b).abs() < 1e-12),
+        "{by_lags:?} {by_hand:?}"
+    );
     assert_eq!(gleaned["training"]["rows"], hand["training"]["rows"]);
     // A rollout starts from recorded rows and goes on with its own.
     let rolled = fleetfoot(path, &["rollout", "gleaned.json", "run1.csv", "--horizon", "20", "--json"]).ok().json();
     assert_eq!(rolled["replayed"], serde_json::json!(["u"]));
-    let said = fleetfoot(path, &["fit", "pwa", "-c", "hand.toml", "run0.csv", "--lags", "3:5"]);
-    assert!(said.code == 2 && said.err.contains("50:5"), "{}", said.err);
+    let output = fleetfoot(path, &["fit", "pwa", "-c", "hand.toml", "run0.csv", "--lags", "3:5"]);
+    assert!(output.code == 2 && output.err.contains("50:5"), "{}", output.err);
 }
 
 #[test]
@@ -95,26 +98,29 @@ fn autoregressions_range_over_gleaned_rows() {
         let latent = &model["latents"][0];
         let names = model["libraries"][0].as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned());
         let row = latent["coefficients"][0].as_array().unwrap().iter().map(|number| number.as_f64().unwrap());
-        let mut found: Vec<(String, f64)> = names.zip(row).collect();
-        found.sort_by(|a, b| a.0.cmp(&b.0));
-        found
+        let mut sorted: Vec<(String, f64)> = names.zip(row).collect();
+        sorted.sort_by(|a, b| a.0.cmp(&b.0));
+        sorted
     };
-    let (map, own) = (of(&affine), of(&gleaned));
+    let (map, gleaned_terms) = (of(&affine), of(&gleaned));
     assert_eq!(map.len(), 6);
-    assert!(map.iter().zip(&own).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9), "{map:?} {own:?}");
+    assert!(
+        map.iter().zip(&gleaned_terms).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9),
+        "{map:?} {gleaned_terms:?}"
+    );
     // Sums of these lags are fitted as the logs are; of other lags they are refused.
     fleetfoot(path, &["scan", "-c", "own.toml", "run0.csv", "run1.csv", "-o", "own.stats"]).ok();
     fleetfoot(path, &[&["fit", "narx", "own.stats", "-o", "sums.json"], &all[..]].concat()).ok();
     let sums = model(path, "sums.json");
     assert!(["libraries", "latents", "equations"].iter().all(|part| sums[*part] == gleaned[*part]), "{sums:#}");
-    let said = fleetfoot(
+    let output = fleetfoot(
         path,
         &[&["fit", "narx", "own.stats", "-c", "own.toml", "--lags-out", "3", "--lags-in", "3"], &all[..]].concat(),
     );
     assert!(
-        said.code == 1 && said.err.contains("ny 3 nu 3 every 5") && said.err.contains("scan again"),
+        output.code == 1 && output.err.contains("ny 3 nu 3 every 5") && output.err.contains("scan again"),
         "{}",
-        said.err
+        output.err
     );
     // Looked for is what --lags does not say: degree, terms, and whether inputs act at once.
     let report = [
@@ -132,9 +138,9 @@ fn autoregressions_range_over_gleaned_rows() {
         "auto",
         "--json",
     ];
-    let found = fleetfoot(path, &report).ok().json();
-    assert_eq!(found["order"]["every"], 5, "{found:#}");
-    assert_eq!((&found["order"]["lags_out"], &found["order"]["lags_in"]), (&3.into(), &3.into()), "{found:#}");
-    let said = fleetfoot(path, &["fit", "narx", "-c", "own.toml", "run0.csv", "--lags", "12:5", "--lags-out", "1"]);
-    assert!(said.code == 2 && said.err.contains("--lags-out"), "{}", said.err);
+    let fitted = fleetfoot(path, &report).ok().json();
+    assert_eq!(fitted["order"]["every"], 5, "{fitted:#}");
+    assert_eq!((&fitted["order"]["lags_out"], &fitted["order"]["lags_in"]), (&3.into(), &3.into()), "{fitted:#}");
+    let output = fleetfoot(path, &["fit", "narx", "-c", "own.toml", "run0.csv", "--lags", "12:5", "--lags-out", "1"]);
+    assert!(output.code == 2 && output.err.contains("--lags-out"), "{}", output.err);
 }

@@ -17,7 +17,7 @@ const RECIPE: &str = "[columns]\nv = \"v [m/s]\"\n[states]\nv = {}\n[inputs]\nu 
 
 const FIT: [&str; 5] = ["fit", "pwa", "-c", "r.toml", "log.csv"];
 
-fn fit(folder: &Path, more: &[&str]) -> Said {
+fn fit(folder: &Path, more: &[&str]) -> Run {
     fleetfoot(folder, &[&FIT[..], more].concat())
 }
 
@@ -45,7 +45,7 @@ fn with_cell(text: &str, row: usize, column: usize, cell: &str) -> String {
 }
 
 #[test]
-fn no_input_is_an_output_whatever_its_name() {
+fn inputs_are_never_outputs() {
     let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
     let path = folder.path();
     fit(path, &["-o", "r.toml"]).fails(&["r.toml", "input"]);
@@ -62,9 +62,13 @@ fn no_input_is_an_output_whatever_its_name() {
         &["fit", "pwa", "-c", "m_kmeans2.json", "log.csv", "-p", "average,kmeans:2", "--keep-all", "-o", "m.json"],
     )
     .fails(&["m_kmeans2.json", "input"]);
-    // Those that are tried where nothing is said, too.
-    let said = fit(path, &["--keep-all", "-o", "n.json"]).ok();
-    assert!(!said.err.contains("--partition refined:2,5,10"), "of few rows refined regions are tried: {}", said.err);
+    // The default partitions, too.
+    let output = fit(path, &["--keep-all", "-o", "n.json"]).ok();
+    assert!(
+        !output.err.contains("--partition refined:2,5,10"),
+        "of few rows refined regions are tried: {}",
+        output.err
+    );
     for rival in ["n_average.json", "n_kmeans2.json", "n_kmeans5.json", "n_kmeans10.json", "n_refined2.json"] {
         assert!(path.join(rival).exists(), "{rival}");
     }
@@ -139,20 +143,24 @@ fn devices_pipes_and_links_are_written_through() {
 }
 
 #[test]
-fn what_killed_commands_left_is_told_and_one_command_writes_a_folder() {
+fn leftovers_of_killed_commands_are_removed() {
     let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
     let path = folder.path();
     fs::write(path.join(".model.json.a1B2c3.partial"), "half").unwrap();
-    let said = fit(path, &[]).ok();
-    assert!(said.err.contains("removed .model.json.a1B2c3.partial, which a killed command had left"), "{}", said.err);
+    let output = fit(path, &[]).ok();
+    assert!(
+        output.err.contains("removed .model.json.a1B2c3.partial, which a killed command had left"),
+        "{}",
+        output.err
+    );
     assert!(!path.join(".model.json.a1B2c3.partial").exists());
     fs::create_dir_all(path.join("runs/.generating-killed")).unwrap();
     let generate = |more: &[&str]| {
         let arguments = ["generate", "diffdrive", "--seconds", "1", "-o", "runs"];
         fleetfoot(path, &[&arguments[..], more].concat())
     };
-    let said = generate(&[]).ok();
-    assert!(said.err.contains("removed runs/.generating-killed, which a killed command had left"), "{}", said.err);
+    let output = generate(&[]).ok();
+    assert!(output.err.contains("removed runs/.generating-killed, which a killed command had left"), "{}", output.err);
     generate(&["--force"]).ok();
     // A run that is read is not replaced.
     generate(&["--world", "runs/diffdrive_00.mcap", "--force"]).fails(&["diffdrive_00.mcap", "input"]);
@@ -171,7 +179,7 @@ fn what_killed_commands_left_is_told_and_one_command_writes_a_folder() {
 }
 
 #[test]
-fn a_partition_does_not_look_at_what_is_predicted() {
+fn partitions_ignore_predicted_columns() {
     let mut text = String::from("t,y,u,w\n");
     for row in 0..600 {
         let (u, w) = ((0.3 * f64::from(row)).sin(), (0.17 * f64::from(row)).cos());
@@ -204,7 +212,7 @@ fn a_partition_does_not_look_at_what_is_predicted() {
 }
 
 #[test]
-fn a_model_of_steps_is_refused_on_rows_of_another_period() {
+fn models_of_steps_refuse_other_periods() {
     let slow = first_order(300, 4.0, 0.0);
     let (fast, near) = (first_order(300, 0.0016, 1.0), first_order(300, 4.1, 2.0));
     let folder = folder(&[("slow.csv", &slow), ("fast.csv", &fast), ("near.csv", &near)]);
@@ -227,12 +235,12 @@ fn a_model_of_steps_is_refused_on_rows_of_another_period() {
     fleetfoot(path, &["score", "model.json", "fast.csv"]).fails(&["0.0016", "4 s"]);
     // Derivatives hold for both.
     fleetfoot(path, &[&["fit", "pwa", "slow.csv"][..], &of].concat()).ok();
-    let said = fleetfoot(path, &["score", "model.json", "fast.csv"]).ok();
-    assert!(said.err.contains("0.0016 s") && said.err.contains("4 s"), "{}", said.err);
+    let output = fleetfoot(path, &["score", "model.json", "fast.csv"]).ok();
+    assert!(output.err.contains("0.0016 s") && output.err.contains("4 s"), "{}", output.err);
 }
 
 #[test]
-fn huge_values_are_named_and_nothing_is_written() {
+fn huge_values_are_refused_by_name() {
     let text = first_order(300, 0.1, 0.0);
     let scaled = |factor: &str| -> String {
         let line = |(at, line): (usize, &str)| if at == 0 { format!("{line}\n") } else { format!("{line}{factor}\n") };
@@ -250,7 +258,7 @@ fn huge_values_are_named_and_nothing_is_written() {
 }
 
 #[test]
-fn what_makes_a_row_useless_is_told_with_its_alias_and_its_place() {
+fn unusable_rows_are_named_with_their_alias() {
     let text = first_order(300, 0.1, 0.0);
     let zero = with_cell(&text, 120, 2, "0");
     let huge = with_cell(&text, 77, 2, "1e308");
@@ -261,17 +269,17 @@ fn what_makes_a_row_useless_is_told_with_its_alias_and_its_place() {
             let arguments = ["fit", method, file, "--states", "y", "--degree", "1"];
             fleetfoot(folder.path(), &[&arguments[..], more].concat()).ok().err
         };
-        let said = run("zero.csv", &["--alias", "w=1/u", "--inputs", "w"]);
-        assert!(said.contains("`w` = `1/u` is infinite (`1/u` divides by zero) in row 120 of zero.csv"), "{said}");
-        let said = run("huge.csv", &["--alias", "w=10*u", "--inputs", "w"]);
+        let notes = run("zero.csv", &["--alias", "w=1/u", "--inputs", "w"]);
+        assert!(notes.contains("`w` = `1/u` is infinite (`1/u` divides by zero) in row 120 of zero.csv"), "{notes}");
+        let notes = run("huge.csv", &["--alias", "w=10*u", "--inputs", "w"]);
         assert!(
-            said.contains("`w`") && said.contains("beyond 1.8e308") && said.contains("row 77 of huge.csv"),
-            "{said}"
+            notes.contains("`w`") && notes.contains("beyond 1.8e308") && notes.contains("row 77 of huge.csv"),
+            "{notes}"
         );
-        let said = run("zero.csv", &["--alias", "w=sqrt(u+2)", "--alias", "v=sqrt(u-5)+w", "--inputs", "w"]);
-        assert!(!said.contains("no number"), "{said}");
-        let said = run("infinite.csv", &["--inputs", "u"]);
-        assert!(said.contains("`u` has 1 infinite value") && said.contains("line 61 (`inf`)"), "{said}");
+        let notes = run("zero.csv", &["--alias", "w=sqrt(u+2)", "--alias", "v=sqrt(u-5)+w", "--inputs", "w"]);
+        assert!(!notes.contains("no number"), "{notes}");
+        let notes = run("infinite.csv", &["--inputs", "u"]);
+        assert!(notes.contains("`u` has 1 infinite value") && notes.contains("line 61 (`inf`)"), "{notes}");
     }
     let all = fleetfoot(
         folder.path(),
@@ -281,7 +289,7 @@ fn what_makes_a_row_useless_is_told_with_its_alias_and_its_place() {
 }
 
 #[test]
-fn a_file_that_was_cut_says_so() {
+fn truncated_files_get_a_note() {
     let text = first_order(300, 0.1, 0.0);
     let whole = text.trim_end().to_owned();
     let within = &whole[..whole.len() - 5];
@@ -289,16 +297,16 @@ fn a_file_that_was_cut_says_so() {
     let folder = folder(&[("whole.csv", &text), ("within.csv", within), ("exponent.csv", &exponent)]);
     let fit =
         |file: &str| fleetfoot(folder.path(), &["fit", "pwa", file, "--states", "y", "--inputs", "u", "--json"]).ok();
-    let said = fit("whole.csv");
-    assert!(!said.err.contains("line"), "{}", said.err);
-    let rows = said.json()["rows"].as_u64().unwrap();
-    let said = fit("within.csv");
+    let output = fit("whole.csv");
+    assert!(!output.err.contains("line"), "{}", output.err);
+    let rows = output.json()["rows"].as_u64().unwrap();
+    let output = fit("within.csv");
     let last = within.rsplit(',').next().unwrap();
-    assert!(said.err.contains("no line end") && said.err.contains(&format!("`u` = `{last}`")), "{}", said.err);
-    assert_eq!(said.json()["rows"].as_u64(), Some(rows));
-    let said = fit("exponent.csv");
-    assert!(said.err.contains("cut off and is left out"), "{}", said.err);
-    assert_eq!(said.json()["rows"].as_u64(), Some(rows - 1));
+    assert!(output.err.contains("no line end") && output.err.contains(&format!("`u` = `{last}`")), "{}", output.err);
+    assert_eq!(output.json()["rows"].as_u64(), Some(rows));
+    let output = fit("exponent.csv");
+    assert!(output.err.contains("cut off and is left out"), "{}", output.err);
+    assert_eq!(output.json()["rows"].as_u64(), Some(rows - 1));
 }
 
 #[test]
@@ -319,9 +327,9 @@ fn blanks_separate_columns_too() {
     };
     let expected = fit("commas.csv").ok().out;
     for file in ["blanks.txt", "commented.txt"] {
-        let said = fit(file).ok();
-        assert_eq!(said.out, expected, "{file}");
-        assert!(said.err.contains("separated by blanks"), "{}", said.err);
+        let output = fit(file).ok();
+        assert_eq!(output.out, expected, "{file}");
+        assert!(output.err.contains("separated by blanks"), "{}", output.err);
     }
     fit("broken.txt").fails(&["broken.txt:41", "`u`", "fast"]);
 }
@@ -329,7 +337,7 @@ fn blanks_separate_columns_too() {
 /// A note on simulations that diverge names the option that bounds them; a bounded model's do not diverge, and get no
 /// note.
 #[test]
-fn what_runs_away_says_what_bounds_it() {
+fn diverging_rollouts_suggest_bounds() {
     // Twelve runs that grow by a tenth a row, one after another with pauses; and a rest of which simulations begin.
     let mut grown = String::from("t,x\n");
     for run in 0..12 {
@@ -346,9 +354,10 @@ fn what_runs_away_says_what_bounds_it() {
         ["fit", "pwa", "grown.csv", "--states", "x", "--predict", "next", "--partition", "kmeans:2", "--max-gap", "1"];
     for (more, bounded) in [(&[][..], false), (&["--stable"], true)] {
         fleetfoot(path, &[&fit[..], more].concat()).ok();
-        let said = fleetfoot(path, &["rollout", "model.json", "rest.csv", "--horizon", "8500", "--starts", "20"]).ok();
-        assert_eq!(said.out.contains("; 0 diverged"), bounded, "{}", said.out);
-        assert_eq!(said.err.contains("`fit pwa --stable` bounds the maps"), !bounded, "{}", said.err);
+        let output =
+            fleetfoot(path, &["rollout", "model.json", "rest.csv", "--horizon", "8500", "--starts", "20"]).ok();
+        assert_eq!(output.out.contains("; 0 diverged"), bounded, "{}", output.out);
+        assert_eq!(output.err.contains("`fit pwa --stable` bounds the maps"), !bounded, "{}", output.err);
     }
 }
 
@@ -368,14 +377,14 @@ fn numbers_of_options_have_bounds() {
         ("fit pwa -c r.toml log.csv -p kmeans:3 --restarts 1000000000".to_owned(), ["--restarts", "0..=1000"]),
         (format!("fit narx log.csv --outputs x --inputs u --lags-out {huge}"), ["--lags-out", "0..=1000"]),
     ] {
-        let said = fleetfoot(path, &command.split(' ').collect::<Vec<_>>());
-        assert_eq!(said.code, 2, "{command}: {}", said.err);
-        assert!(words.iter().all(|word| said.err.contains(word)), "{command}: {}", said.err);
+        let output = fleetfoot(path, &command.split(' ').collect::<Vec<_>>());
+        assert_eq!(output.code, 2, "{command}: {}", output.err);
+        assert!(words.iter().all(|word| output.err.contains(word)), "{command}: {}", output.err);
     }
     // A recipe has the same ones.
     fs::write(path.join("h.toml"), format!("{RECIPE}[prepare]\nhampel = 4294967296\n")).unwrap();
     fleetfoot(path, &["prepare", "-c", "h.toml", "log.csv"]).fails(&["h.toml", "[prepare] hampel", "0..=10000"]);
     // More threads than help are not started.
-    let said = fleetfoot(path, &["score", "model.json", "log.csv", "--threads", "10000"]).ok();
-    assert!(said.err.contains("--threads 10000") && said.err.contains("4 a core"), "{}", said.err);
+    let output = fleetfoot(path, &["score", "model.json", "log.csv", "--threads", "10000"]).ok();
+    assert!(output.err.contains("--threads 10000") && output.err.contains("4 a core"), "{}", output.err);
 }

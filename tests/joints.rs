@@ -91,7 +91,7 @@ bias = "auto"
 clip = 0.1
 "#;
 
-fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Said {
+fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Run {
     fs::write(folder.join("joint.toml"), recipe).unwrap();
     fleetfoot(folder, &[&["prepare", "-c", "joint.toml", "run.mcap", "-o", "clean", "--force"][..], flags].concat())
 }
@@ -113,19 +113,19 @@ fn the_motion_of_a_joint_is_prepared() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_joint(&path.join("run.mcap"), false);
-    let said = prepare(path, RECIPE, &["--json"]).ok().json();
-    let joint = &said["joints"][0];
+    let report = prepare(path, RECIPE, &["--json"]).ok().json();
+    let joint = &report["joints"][0];
     let [encoder, tachometer] = [0, 1].map(|at| &joint["sensors"][at]);
-    let near = |found: &str, truth: f64, least: f64| {
-        let value = tachometer[found].as_f64().unwrap();
-        let deviation = tachometer[format!("{found}_deviation")].as_f64().unwrap();
+    let near = |name: &str, truth: f64, least: f64| {
+        let value = tachometer[name].as_f64().unwrap();
+        let deviation = tachometer[format!("{name}_deviation")].as_f64().unwrap();
         assert!(deviation > 0.0 && deviation < least && (value - truth).abs() < 4.0 * deviation, "{joint:#}");
     };
     near("delay", 0.006, 1e-3);
     near("bias", 0.2, 0.02);
     // Uniform errors: a root of three less than their ends.
-    let found = encoder["noise"].as_f64().unwrap() * 3.0_f64.sqrt() / 2e-3;
-    assert!((found - 1.0).abs() < 0.1, "{joint:#}");
+    let ratio = encoder["noise"].as_f64().unwrap() * 3.0_f64.sqrt() / 2e-3;
+    assert!((ratio - 1.0).abs() < 0.1, "{joint:#}");
     assert_eq!(encoder["rejected"][0]["rows"], 8, "{joint:#}");
     assert!(joint["converged"].as_bool().unwrap() && joint["correlations"].as_array().is_some());
     let errors = [
@@ -146,7 +146,7 @@ fn the_motion_of_a_joint_is_prepared() {
 /// A filter gives for a row the value that it would give if the log ended there. Its errors are larger than those of
 /// the smoother, which has all of it.
 #[test]
-fn a_filter_does_not_see_what_is_later() {
+fn filters_do_not_use_later_rows() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let known = RECIPE
@@ -162,8 +162,8 @@ fn a_filter_does_not_see_what_is_later() {
         read_rows(&Recipe::default(), Some(&names), &[file], &Silent).unwrap()
     };
     let (part, whole) = (read(&filter, 7_500), read(&filter, 20_000));
-    let told = part.stamps.len();
-    assert!(told > 1_400 && part.stamps[..] == whole.stamps[..told], "{told}");
+    let rows = part.stamps.len();
+    assert!(rows > 1_400 && part.stamps[..] == whole.stamps[..rows], "{rows}");
     for ((column, part), (_, whole)) in part.columns.iter().zip(&whole.columns) {
         let size = part.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
         for (part, whole) in part.iter().zip(whole) {
@@ -184,14 +184,14 @@ fn a_filter_does_not_see_what_is_later() {
 
 /// The same bytes on any number of threads; an angle that wraps is written wrapped, with the same rates.
 #[test]
-fn joints_do_not_depend_on_threads_and_angles_wrap() {
+fn joints_ignore_threads_and_wrap_angles() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_joint(&path.join("run.mcap"), true);
     let angle = RECIPE.replace("unit = \"rad\"", "unit = \"rad\"\nkind = \"angle\"\nstudent = 4.0");
     let written = ["1", "2", "7"].map(|threads| {
-        let said = prepare(path, &angle, &["--threads", threads, "--json"]).ok();
-        (said.out, fs::read(path.join("clean/run.clean.parquet")).unwrap())
+        let output = prepare(path, &angle, &["--threads", threads, "--json"]).ok();
+        (output.out, fs::read(path.join("clean/run.clean.parquet")).unwrap())
     });
     assert!(written[0] == written[1] && written[0] == written[2]);
     let turn = std::f64::consts::TAU;
@@ -202,14 +202,14 @@ fn joints_do_not_depend_on_threads_and_angles_wrap() {
 
 /// A rate that was computed from the encoder is no second measurement.
 #[test]
-fn joints_that_cannot_be_fused_are_told() {
+fn impossible_joints_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     write_joint(&path.join("run.mcap"), false);
     let derived = RECIPE.replace("/tachometer.illuminance", "/derived.illuminance");
     prepare(path, &derived, &[]).fails(&["[joint.knee]", "`encoder` and `tachometer`", "correlated = true"]);
-    let said = prepare(path, &derived.replace("unit = \"rad\"", "correlated = true"), &[]).ok();
-    assert!(said.err.contains("deviations are too small"), "{}", said.err);
+    let output = prepare(path, &derived.replace("unit = \"rad\"", "correlated = true"), &[]).ok();
+    assert!(output.err.contains("deviations are too small"), "{}", output.err);
     for (recipe, words) in [
         (RECIPE.replace("unit = \"rad\"", "sensors = [\"encodr\"]"), vec!["[joint.knee] sensors", "encodr", "encoder"]),
         (RECIPE.replace("[joint.knee]\nunit = \"rad\"\n", ""), vec!["[sensor.encoder]", "no joint"]),

@@ -10,9 +10,9 @@ const PAGE: &str = include_str!("../docs/reference/reports.md");
 /// Keys whose value has names for keys: functions of code, labels and their values, baselines.
 const BY_NAME: [&str; 4] = ["calls", "labels", "baselines", "baseline_rmse"];
 
-pub(crate) fn told_of(value: &Value, named: bool, command: &str) {
+pub(crate) fn check_keys(value: &Value, named: bool, command: &str) {
     match value {
-        Value::Array(all) => all.iter().for_each(|one| told_of(one, false, command)),
+        Value::Array(all) => all.iter().for_each(|item| check_keys(item, false, command)),
         Value::Object(fields) => {
             for (key, value) in fields {
                 assert!(
@@ -20,7 +20,7 @@ pub(crate) fn told_of(value: &Value, named: bool, command: &str) {
                     "docs/reference/reports.md does not tell of `{key}`, which {command} prints"
                 );
                 // Values of a label are names, too.
-                told_of(value, BY_NAME.contains(&key.as_str()) || (named && command == "stats"), command);
+                check_keys(value, BY_NAME.contains(&key.as_str()) || (named && command == "stats"), command);
             }
         }
         _ => {}
@@ -28,7 +28,7 @@ pub(crate) fn told_of(value: &Value, named: bool, command: &str) {
 }
 
 #[test]
-fn the_page_tells_of_every_key() {
+fn the_page_describes_every_key() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     for (name, phase) in [("one.csv", 0.0), ("two.csv", 1.0), ("held-out.csv", 9.0)] {
@@ -60,6 +60,6 @@ fn the_page_tells_of_every_key() {
     for command in commands {
         let mut words: Vec<&str> = command.split(' ').collect();
         words.push("--json");
-        told_of(&fleetfoot(path, &words).ok().json(), false, command.split(' ').next().unwrap_or_default());
+        check_keys(&fleetfoot(path, &words).ok().json(), false, command.split(' ').next().unwrap_or_default());
     }
 }

@@ -80,7 +80,7 @@ impl Tree {
 
     fn child(&mut self, name: &str) -> &mut Self {
         let Self::Map(entries) = self else { panic!("no object") };
-        &mut entries.iter_mut().find(|(own, _)| own.trim_matches('"') == name).expect("an entry").1
+        &mut entries.iter_mut().find(|(key, _)| key.trim_matches('"') == name).expect("an entry").1
     }
 
     /// All leaves and lists below, in order.
@@ -218,7 +218,7 @@ const COMMANDS: [&str; 16] = [
 ];
 
 #[test]
-fn every_command_answers_a_damaged_model_with_a_message() {
+fn damaged_models_get_a_message() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     let log = robot_csv(600, 0.3);
@@ -248,7 +248,7 @@ fn every_command_answers_a_damaged_model_with_a_message() {
             Tree::parse(&fs::read_to_string(path.join(output)).expect("a model"))
         })
         .collect();
-    // What is not changed passes: the checksum is made as the program makes it.
+    // An unchanged model passes: the checksum is made as the program makes it.
     for model in &models {
         let mut text = String::new();
         model.write(&mut text);
@@ -263,17 +263,17 @@ fn every_command_answers_a_damaged_model_with_a_message() {
         fs::write(path.join("m.json"), &text).expect("a model");
         for command in COMMANDS.iter().skip(seed as usize % step).step_by(step) {
             let arguments: Vec<&str> = command.split(' ').collect();
-            let said = fleetfoot_within(path, &arguments, Duration::from_secs(120));
-            let told = || {
+            let answer = fleetfoot_within(path, &arguments, Duration::from_secs(120));
+            let description = || {
                 let kept = std::env::temp_dir().join("fleetfoot-mutant.json");
                 fs::write(&kept, &text).expect("a model");
-                format!("mutant {seed} ({}), `{command}`: exit {}\n{}", kept.display(), said.code, said.err)
+                format!("mutant {seed} ({}), `{command}`: exit {}\n{}", kept.display(), answer.code, answer.err)
             };
-            assert!(matches!(said.code, 0 | 1) && !said.err.contains("panicked"), "{}", told());
-            assert!(said.code == 0 || said.err.len() > 20, "{}", told());
+            assert!(matches!(answer.code, 0 | 1) && !answer.err.contains("panicked"), "{}", description());
+            assert!(answer.code == 0 || answer.err.len() > 20, "{}", description());
             // Some empty lists are not written, so that the program makes another checksum.
-            damaged += u32::from(said.err.contains("checksum"));
-            if said.code == 1 { refused += 1 } else { read += 1 }
+            damaged += u32::from(answer.err.contains("checksum"));
+            if answer.code == 1 { refused += 1 } else { read += 1 }
         }
     }
     println!("{read} runs read the model, {refused} refused it, {damaged} of them by its checksum");

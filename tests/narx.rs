@@ -6,7 +6,7 @@ use std::{fmt::Write, fs};
 
 use crate::{outside::data, runner::*};
 
-pub(crate) fn fit(folder: &Path, arguments: &[&str]) -> Said {
+pub(crate) fn fit(folder: &Path, arguments: &[&str]) -> Run {
     let all: Vec<&str> = ["fit", "narx", "--json"].into_iter().chain(arguments.iter().copied()).collect();
     fleetfoot(folder, &all)
 }
@@ -45,7 +45,7 @@ pub(crate) fn folder(files: &[(&str, String)]) -> tempfile::TempDir {
 pub(crate) const COLUMNS: [&str; 6] = ["--time", "t", "--outputs", "y", "--inputs", "u"];
 
 #[test]
-fn a_known_autoregression_is_found_by_order_and_terms() {
+fn autoregressions_have_their_order_and_terms() {
     // Without noise by free runs, with noise by one-step errors.
     let files = [("a", 600, 1, 0.0), ("b", 300, 2, 0.0), ("c", 1_500, 3, 0.01), ("d", 300, 4, 0.01)];
     let files = files.map(|(name, rows, seed, size)| (format!("{name}.csv"), csv(rows, seed, false, size)));
@@ -53,12 +53,12 @@ fn a_known_autoregression_is_found_by_order_and_terms() {
     for (select, train, test, tolerance) in
         [("free-run", "a.csv", "b.csv", 1e-9), ("bic", "c.csv", "d.csv", 0.01), ("one-se", "c.csv", "d.csv", 0.01)]
     {
-        let given =
+        let options =
             [train, "--lags-out", "3", "--lags-in", "2", "--degree", "2", "--order", "auto", "--select", select];
-        let given = [&given[..], &COLUMNS, &["--free-run", test, "--max-terms", "8"]].concat();
-        let found = fit(folder.path(), &given).ok().json();
-        assert_eq!(found["order"], serde_json::json!({ "lags_out": 2, "lags_in": 1, "degree": 2 }), "{select}");
-        let terms = found["regions"][0]["equations"][0]["terms"].as_array().unwrap();
+        let options = [&options[..], &COLUMNS, &["--free-run", test, "--max-terms", "8"]].concat();
+        let report = fit(folder.path(), &options).ok().json();
+        assert_eq!(report["order"], serde_json::json!({ "lags_out": 2, "lags_in": 1, "degree": 2 }), "{select}");
+        let terms = report["regions"][0]["equations"][0]["terms"].as_array().unwrap();
         let mut terms: Vec<(&str, f64)> =
             terms.iter().map(|term| (term["function"].as_str().unwrap(), number(term, "/coefficient"))).collect();
         // Forward regression may take a term that is none before it has those that are.
@@ -73,8 +73,8 @@ fn a_known_autoregression_is_found_by_order_and_terms() {
             );
         }
         // The noise of a hundredth is all that a free run lacks: some 2 % of the output's deviation of a half.
-        assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < if tolerance < 1e-6 { 1e-9 } else { 0.05 });
-        assert!(number(&found, "/files/by_file/0/free_run/0/persistence_rrse") > 0.9);
+        assert!(number(&report, "/files/by_file/0/free_run/0/rrse") < if tolerance < 1e-6 { 1e-9 } else { 0.05 });
+        assert!(number(&report, "/files/by_file/0/free_run/0/persistence_rrse") > 0.9);
     }
     // The rest of the command runs the model.
     fleetfoot(folder.path(), &["rollout", "model.json", "b.csv", "--time", "t", "--horizon", "20"]).ok();
@@ -83,34 +83,34 @@ fn a_known_autoregression_is_found_by_order_and_terms() {
 }
 
 #[test]
-fn a_statistic_stands_for_the_logs_that_train() {
+fn statistics_replace_training_logs() {
     let recipe = "[states]\ny = {}\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n[narx]\nlags_out = 2\nlags_in = 1\n[model]\ndegree = 2\n";
     let logs =
         [("r.toml", recipe.to_owned()), ("a.csv", csv(3_000, 1, false, 0.01)), ("b.csv", csv(300, 2, false, 0.0))];
     let folder = folder(&logs);
-    let said = fleetfoot(folder.path(), &["scan", "-c", "r.toml", "a.csv", "-o", "a.stats"]).ok();
-    assert!(said.err.contains("fit narx") || said.out.contains("fit narx"), "{} {}", said.out, said.err);
+    let output = fleetfoot(folder.path(), &["scan", "-c", "r.toml", "a.csv", "-o", "a.stats"]).ok();
+    assert!(output.err.contains("fit narx") || output.out.contains("fit narx"), "{} {}", output.out, output.err);
     let by = ["--terms", "5", "--select", "bic"];
     let of_sums = fit(folder.path(), &[&["a.stats", "-o", "sums.json", "--free-run", "b.csv"], &by[..]].concat()).ok();
     fit(folder.path(), &[&["-c", "r.toml", "a.csv", "-o", "logs.json"], &by[..]].concat()).ok();
     let [sums, logs] = ["sums.json", "logs.json"].map(|name| fs::read(folder.path().join(name)).unwrap());
     assert!(sums == logs, "the models are the same bytes");
-    let found = of_sums.json();
-    assert!(found["train"].is_null(), "{found:#}");
-    assert!(number(&found, "/files/by_file/0/free_run/0/fit") > 0.9, "{:#}", found["files"]);
+    let report = of_sums.json();
+    assert!(report["train"].is_null(), "{report:#}");
+    assert!(number(&report, "/files/by_file/0/free_run/0/fit") > 0.9, "{:#}", report["files"]);
     let text = fleetfoot(folder.path(), &["fit", "narx", "a.stats"]).ok();
     assert!(text.err.contains("one-step errors") && !text.out.contains("training rows"), "{} {}", text.out, text.err);
 }
 
 #[test]
-fn regions_have_terms_of_their_own_and_threads_change_nothing() {
+fn regions_have_their_terms_on_any_threads() {
     let folder = folder(&[("a.csv", csv(2_000, 3, true, 0.0))]);
-    let given = ["a.csv", "--lags-in", "1", "--degree", "2", "--terms", "5", "--partition", "labels:high"];
-    let found = fit(folder.path(), &[&given[..], &COLUMNS, &["--alias", "high=sign(y - 0.4)"]].concat()).ok().json();
-    assert_eq!(found["regions"].as_array().unwrap().len(), 2);
-    assert!(number(&found, "/train/free_run/0/rrse") < 1e-9, "{:#}", found["train"]);
+    let options = ["a.csv", "--lags-in", "1", "--degree", "2", "--terms", "5", "--partition", "labels:high"];
+    let report = fit(folder.path(), &[&options[..], &COLUMNS, &["--alias", "high=sign(y - 0.4)"]].concat()).ok().json();
+    assert_eq!(report["regions"].as_array().unwrap().len(), 2);
+    assert!(number(&report, "/train/free_run/0/rrse") < 1e-9, "{:#}", report["train"]);
     let run = |threads: &str, output: &str| {
-        let given = [
+        let options = [
             "a.csv",
             "--lags-in",
             "1",
@@ -125,18 +125,18 @@ fn regions_have_terms_of_their_own_and_threads_change_nothing() {
             "--output",
             output,
         ];
-        fit(folder.path(), &[&given[..], &COLUMNS, &["--test-share", "0.2"]].concat()).ok().json()
+        fit(folder.path(), &[&options[..], &COLUMNS, &["--test-share", "0.2"]].concat()).ok().json()
     };
-    let (one, two) = (run("1", "one.json"), run("2", "two.json"));
-    assert_eq!(one["tried"], two["tried"]);
+    let (single, threaded) = (run("1", "one.json"), run("2", "two.json"));
+    assert_eq!(single["tried"], threaded["tried"]);
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read("one.json"), read("two.json"));
-    assert_ne!(one["partition"], "average", "two affine maps are not one");
-    assert_eq!(number(&one, "/test/free_run/0/rows"), 398.0);
+    assert_ne!(single["partition"], "average", "two affine maps are not one");
+    assert_eq!(number(&single, "/test/free_run/0/rows"), 398.0);
 }
 
 #[test]
-fn what_cannot_be_fitted_says_why() {
+fn impossible_fits_are_refused() {
     let folder = folder(&[("a.csv", csv(60, 5, false, 0.0))]);
     let fails = |arguments: &[&str], words: &[&str]| {
         fit(folder.path(), &[&["a.csv"], arguments].concat()).fails(words);
@@ -161,11 +161,11 @@ pub(crate) fn rows_of(text: &str, rows: std::ops::Range<usize>) -> String {
 /// 0.9). Rows 400 to 2,000 train, 2,001 to 3,600 are run freely. Degree 3, one lag of force, voltage, velocity and its
 /// sign, 15 terms. Published there: RRSE 0.045104, and divergence at sample 203 without the sign.
 #[test]
-fn a_damper_with_hysteresis_gives_the_published_free_run_error() {
+fn dampers_reach_the_published_free_run_error() {
     let Some(file) = data("bouc-wen.csv") else { return };
     let text = fs::read_to_string(file).unwrap();
     let folder = folder(&[("train.csv", rows_of(&text, 400..2000)), ("test.csv", rows_of(&text, 2001..3600))]);
-    let given = [
+    let options = [
         "train.csv",
         "--dt",
         "0.002",
@@ -181,14 +181,14 @@ fn a_damper_with_hysteresis_gives_the_published_free_run_error() {
         "3",
     ];
     let run = |inputs: &str, more: &[&str]| {
-        fit(folder.path(), &[&given[..], &["--inputs", inputs, "--free-run", "test.csv"], more].concat()).ok().json()
+        fit(folder.path(), &[&options[..], &["--inputs", inputs, "--free-run", "test.csv"], more].concat()).ok().json()
     };
-    let found = run("E,v,s", &["--terms", "15"]);
-    let rrse = number(&found, "/files/by_file/0/free_run/0/rrse");
+    let report = run("E,v,s", &["--terms", "15"]);
+    let rrse = number(&report, "/files/by_file/0/free_run/0/rrse");
     eprintln!("damper: free-run RRSE {rrse:.6}, published 0.045104");
     assert!((rrse - 0.045_104).abs() < 1e-6, "{rrse}");
-    assert_eq!(number(&found, "/files/by_file/0/free_run/0/rows"), 1598.0);
-    assert_eq!(number(&found, "/candidates"), 35.0);
+    assert_eq!(number(&report, "/files/by_file/0/free_run/0/rows"), 1598.0);
+    assert_eq!(number(&report, "/candidates"), 35.0);
     // Akaike's criterion takes as many as it may, as in the tutorial.
     let by_aic = run("E,v,s", &["--select", "aic", "--max-terms", "15"]);
     assert_eq!(by_aic["regions"][0]["equations"][0]["terms"].as_array().unwrap().len(), 15);
@@ -204,17 +204,21 @@ fn a_damper_with_hysteresis_gives_the_published_free_run_error() {
 /// The partition columns are position, velocity and input, on which impacts, friction and drive depend. Neural
 /// state-space models reach a median FIT of 83.75 and a best of 93.61 on the rest.
 #[test]
-fn a_placement_head_with_impacts_is_simulated_by_piecewise_equations() {
+fn placement_heads_are_simulated_piecewise() {
     let Some(file) = data("pick-and-place.csv") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let given = ["--time", "t", "--outputs", "y", "--inputs", "u", "--decimate", "10", "--test-share", "0.16668"];
+    let options = ["--time", "t", "--outputs", "y", "--inputs", "u", "--decimate", "10", "--test-share", "0.16668"];
     let order = ["--lags-out", "4", "--lags-in", "3", "--order", "auto", "--degree", "1", "--terms", "all"];
     let partition =
         ["--partition", "average,kmeans:5,12,20,30", "--partition-on", "y,y - lag(y, 1),u", "--starts", "6"];
-    let found = fit(folder.path(), &[&[file.to_str().unwrap()], &given[..], &order, &partition].concat()).ok().json();
-    assert_eq!(number(&found, "/test/free_run/0/lost"), 0.0);
-    let percent = number(&found, "/test/free_run/0/fit");
-    eprintln!("placement head: free-run FIT {percent:.2} %, {} (neural: median 83.75, best 93.61)", found["partition"]);
+    let report =
+        fit(folder.path(), &[&[file.to_str().unwrap()], &options[..], &order, &partition].concat()).ok().json();
+    assert_eq!(number(&report, "/test/free_run/0/lost"), 0.0);
+    let percent = number(&report, "/test/free_run/0/fit");
+    eprintln!(
+        "placement head: free-run FIT {percent:.2} %, {} (neural: median 83.75, best 93.61)",
+        report["partition"]
+    );
     assert!(percent > 83.75, "{percent}");
-    assert!(number(&found, "/test/free_run/0/persistence_rrse") > 1.0);
+    assert!(number(&report, "/test/free_run/0/persistence_rrse") > 1.0);
 }

@@ -46,39 +46,40 @@ fn pipe(rows: usize, seed: u64) -> String {
 }
 
 #[test]
-fn an_input_that_acts_late_is_found() {
+fn late_inputs_get_lags_of_their_delay() {
     let folder = folder(&[("a.csv", pipe(1_500, 1)), ("b.csv", pipe(600, 2))]);
-    let given = ["a.csv", "--effort", "low", "--free-run", "b.csv", "--output", "late.json"];
-    let said = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok();
+    let options = ["a.csv", "--effort", "low", "--free-run", "b.csv", "--output", "late.json"];
+    let output = fit(folder.path(), &[&options[..], &COLUMNS].concat()).ok();
     assert!(
-        said.err.contains("u acts with a delay of at least 1") && said.err.contains("s): its lags begin there"),
+        output.err.contains("u acts with a delay of at least 1") && output.err.contains("s): its lags begin there"),
         "{}",
-        said.err
+        output.err
     );
-    let found = said.json();
-    assert_eq!(functions(&found), ["lag(u, 16)", "y"]);
+    let report = output.json();
+    assert_eq!(functions(&report), ["lag(u, 16)", "y"]);
     // Without it 88 % of the output's variation is left.
-    assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 0.01);
+    assert!(number(&report, "/files/by_file/0/free_run/0/rrse") < 0.01);
 }
 
 #[test]
-fn models_that_are_worth_no_more_than_the_mean_say_so() {
+fn worthless_models_get_a_note() {
     let mut text = String::from("t,y,u\n");
     for row in 0..400 {
         writeln!(text, "{},{},{}", row as f64 * 0.1, noise(1, row), noise(2, row / 9)).unwrap();
     }
     let folder = folder(&[("noise.csv", text)]);
     let words = "held-out rows are";
-    let said = fit(folder.path(), &[&["noise.csv", "--effort", "low", "-o", "n.json"][..], &COLUMNS].concat()).ok();
-    assert!(said.err.contains(&format!("{words} simulated no better than by their mean: next(y)")), "{}", said.err);
-    let given = ["fit", "sindy", "--states", "y", "--inputs", "u", "--time", "t", "--degree", "1", "--predict", "next"];
-    let said = fleetfoot(folder.path(), &[&given[..], &["-o", "s.json", "noise.csv"]].concat()).ok();
-    assert!(said.err.contains(&format!("{words} predicted no better than by their mean: next(y)")), "{}", said.err);
+    let output = fit(folder.path(), &[&["noise.csv", "--effort", "low", "-o", "n.json"][..], &COLUMNS].concat()).ok();
+    assert!(output.err.contains(&format!("{words} simulated no better than by their mean: next(y)")), "{}", output.err);
+    let arguments =
+        ["fit", "sindy", "--states", "y", "--inputs", "u", "--time", "t", "--degree", "1", "--predict", "next"];
+    let output = fleetfoot(folder.path(), &[&arguments[..], &["-o", "s.json", "noise.csv"]].concat()).ok();
+    assert!(output.err.contains(&format!("{words} predicted no better than by their mean: next(y)")), "{}", output.err);
 }
 
-/// Functions with a coefficient that is more than rounding, in the order of their names.
-fn functions(found: &serde_json::Value) -> Vec<String> {
-    let terms = found["regions"][0]["equations"][0]["terms"].as_array().unwrap();
+/// Functions with a coefficient above rounding errors, sorted by name.
+fn functions(report: &serde_json::Value) -> Vec<String> {
+    let terms = report["regions"][0]["equations"][0]["terms"].as_array().unwrap();
     let large = terms.iter().filter(|term| number(term, "/coefficient").abs() > 1e-6);
     let mut names: Vec<String> = large.map(|term| term["function"].as_str().unwrap().to_owned()).collect();
     names.sort();
@@ -86,69 +87,69 @@ fn functions(found: &serde_json::Value) -> Vec<String> {
 }
 
 #[test]
-fn lags_degree_and_inputs_at_once_are_looked_for_without_options() {
+fn lags_degree_and_direct_inputs_are_searched() {
     let folder = folder(&[("a.csv", hidden(600, 1)), ("b.csv", hidden(300, 2))]);
     let run = |threads: &str, output: &str| {
-        let given = ["a.csv", "--free-run", "b.csv", "--threads", threads, "--output", output];
-        fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok().json()
+        let options = ["a.csv", "--free-run", "b.csv", "--threads", threads, "--output", output];
+        fit(folder.path(), &[&options[..], &COLUMNS].concat()).ok().json()
     };
-    let (found, again) = (run("1", "one.json"), run("2", "two.json"));
-    assert_eq!(functions(&found), ["lag(y, 2)", "lead(u, 1)", "y", "y*lead(u, 1)"]);
-    assert_eq!((found["direct"].as_bool(), found["order"]["degree"].as_u64()), (Some(true), Some(2)));
-    assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 1e-8);
-    assert!(number(&found, "/held_out/rrse") < 1e-8);
+    let (report, again) = (run("1", "one.json"), run("2", "two.json"));
+    assert_eq!(functions(&report), ["lag(y, 2)", "lead(u, 1)", "y", "y*lead(u, 1)"]);
+    assert_eq!((report["direct"].as_bool(), report["order"]["degree"].as_u64()), (Some(true), Some(2)));
+    assert!(number(&report, "/files/by_file/0/free_run/0/rrse") < 1e-8);
+    assert!(number(&report, "/held_out/rrse") < 1e-8);
     // The linear model of the same lags was tried, and is worse.
-    assert!(number(&found, "/linear_of_the_same_lags/rrse") > 0.05);
-    // What was looked at is told, and is not more than was allowed.
-    assert!(found["search"]["stages"].as_array().unwrap().len() >= 2);
-    assert!(number(&found, "/search/spent") <= number(&found, "/search/limit"));
+    assert!(number(&report, "/linear_of_the_same_lags/rrse") > 0.05);
+    // The report has the stages of the search, and its effort stays within the limit.
+    assert!(report["search"]["stages"].as_array().unwrap().len() >= 2);
+    assert!(number(&report, "/search/spent") <= number(&report, "/search/limit"));
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
-    assert_eq!((found["tried"].clone(), read("one.json")), (again["tried"].clone(), read("two.json")));
+    assert_eq!((report["tried"].clone(), read("one.json")), (again["tried"].clone(), read("two.json")));
 }
 
 #[test]
-fn what_is_given_is_kept_and_little_effort_says_what_it_cut() {
+fn options_limit_the_search() {
     let folder = folder(&[("a.csv", hidden(600, 1))]);
-    let run = |given: &[&str]| fit(folder.path(), &[&["a.csv"], given, &COLUMNS].concat()).ok().json();
-    let found = run(&["--lags-out", "2", "--degree", "2"]);
-    assert_eq!(number(&found, "/order/lags_out"), 2.0);
-    let degrees = |found: &serde_json::Value| -> std::collections::BTreeSet<u64> {
-        let tried = found["tried"].as_array().unwrap();
+    let run = |options: &[&str]| fit(folder.path(), &[&["a.csv"], options, &COLUMNS].concat()).ok().json();
+    let report = run(&["--lags-out", "2", "--degree", "2"]);
+    assert_eq!(number(&report, "/order/lags_out"), 2.0);
+    let degrees = |report: &serde_json::Value| -> std::collections::BTreeSet<u64> {
+        let tried = report["tried"].as_array().unwrap();
         tried.iter().map(|candidate| candidate["order"]["degree"].as_u64().unwrap()).collect()
     };
-    assert_eq!(degrees(&found).into_iter().collect::<Vec<_>>(), [1, 2], "the linear model competes in any case");
+    assert_eq!(degrees(&report).into_iter().collect::<Vec<_>>(), [1, 2], "the linear model competes in any case");
     // Products of forty lags are thousands of terms, and took minutes.
-    let found = run(&["--lags-out", "40", "--lags-in", "40", "--effort", "low"]);
-    assert_eq!(degrees(&found).into_iter().collect::<Vec<_>>(), [1], "products of more lags than rows bear");
+    let report = run(&["--lags-out", "40", "--lags-in", "40", "--effort", "low"]);
+    assert_eq!(degrees(&report).into_iter().collect::<Vec<_>>(), [1], "products of more lags than rows bear");
     // With the lags of the input given, it does not act at once.
-    let found = run(&["--lags-in", "2"]);
-    assert!(found["tried"].as_array().unwrap().iter().all(|candidate| candidate["direct"] == false));
+    let report = run(&["--lags-in", "2"]);
+    assert!(report["tried"].as_array().unwrap().iter().all(|candidate| candidate["direct"] == false));
     let (low, normal) = (run(&["--effort", "low"]), run(&["--effort", "normal"]));
     assert!(number(&low, "/search/limit") < number(&normal, "/search/limit"));
     assert!(low["tried"].as_array().unwrap().len() < normal["tried"].as_array().unwrap().len());
-    let fails = |given: &[&str], words: &[&str]| {
-        fit(folder.path(), &[&["a.csv"], given, &COLUMNS].concat()).fails(words);
+    let fails = |options: &[&str], words: &[&str]| {
+        fit(folder.path(), &[&["a.csv"], options, &COLUMNS].concat()).fails(words);
     };
-    let said = fit(folder.path(), &[&["a.csv", "--effort", "most"][..], &COLUMNS].concat());
-    assert!(said.code == 2 && said.err.contains("most") && said.err.contains("normal"), "{}", said.err);
+    let output = fit(folder.path(), &[&["a.csv", "--effort", "most"][..], &COLUMNS].concat());
+    assert!(output.code == 2 && output.err.contains("most") && output.err.contains("normal"), "{}", output.err);
     fails(&["--library", "y, u", "--degree", "2"], &["degree = 2", "added up"]);
     fails(&["--library", "lag(y, 1), u"], &["lag(y, 1)", "--lags-out"]);
 }
 
 #[test]
-fn functions_of_one_row_are_lagged_and_evaluated_on_simulated_outputs() {
+fn library_functions_are_lagged_and_simulated() {
     let folder = folder(&[("a.csv", tank(600, 1)), ("b.csv", tank(300, 2))]);
-    let given = ["a.csv", "--library", "y, u, y^2, sqrt(max(y, 0))", "--free-run", "b.csv"];
-    let found = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok().json();
-    assert_eq!(functions(&found), ["sqrt(max(lag(y, 1), 0))", "u", "y"]);
-    assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 1e-8, "{:#}", found["files"]);
+    let options = ["a.csv", "--library", "y, u, y^2, sqrt(max(y, 0))", "--free-run", "b.csv"];
+    let report = fit(folder.path(), &[&options[..], &COLUMNS].concat()).ok().json();
+    assert_eq!(functions(&report), ["sqrt(max(lag(y, 1), 0))", "u", "y"]);
+    assert!(number(&report, "/files/by_file/0/free_run/0/rrse") < 1e-8, "{:#}", report["files"]);
     // A model whose root is of another size leaves the recording: nothing of the run is read from it but the start.
     let model = fs::read_to_string(folder.path().join("model.json")).unwrap();
     assert!(!model.contains("\"auxiliary\""), "the outputs and inputs are all that the model needs: {model}");
 }
 
 #[test]
-fn files_are_run_one_by_one_and_a_saved_model_has_the_same_scores() {
+fn saved_models_keep_scores_by_file() {
     let other = hidden(300, 9);
     let lost = other.lines().enumerate().map(|(row, line)| {
         // Another machine: its output is ten times as large from row 150 on.
@@ -160,14 +161,14 @@ fn files_are_run_one_by_one_and_a_saved_model_has_the_same_scores() {
         }
     });
     let folder = folder(&[("a.csv", hidden(600, 1)), ("b.csv", hidden(300, 2)), ("c.csv", lost.collect())]);
-    let given = ["a.csv", "--free-run", "b.csv", "--free-run", "c.csv", "--effort", "low"];
-    let found = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok().json();
+    let options = ["a.csv", "--free-run", "b.csv", "--free-run", "c.csv", "--effort", "low"];
+    let report = fit(folder.path(), &[&options[..], &COLUMNS].concat()).ok().json();
     let rrse = |json: &serde_json::Value, file: usize| number(json, &format!("/by_file/{file}/free_run/0/rrse"));
-    let files = &found["files"];
+    let files = &report["files"];
     assert!(files["by_file"][1]["file"].as_str().unwrap().ends_with("c.csv"));
     assert!(rrse(files, 0) < 0.2 && rrse(files, 1) > 0.5, "{files:#}");
     assert!((number(files, "/mean/0/rrse") - 0.5 * (rrse(files, 0) + rrse(files, 1))).abs() < 1e-12);
-    // The whole runs of the saved model, as `score` tells them.
+    // `score` reports the whole runs of the saved model.
     let scored = fleetfoot(folder.path(), &["score", "model.json", "b.csv", "c.csv", "--json"]).ok().json();
     assert_eq!(scored["free_runs"]["mean"], files["mean"]);
     assert_eq!(rrse(&scored["free_runs"], 1), rrse(files, 1));
@@ -184,24 +185,24 @@ fn files_are_run_one_by_one_and_a_saved_model_has_the_same_scores() {
 /// The damper of `narx.rs` with its inputs named and no other option. It is not worse than order 2, 2 and degree 2, the
 /// former default, nor than the linear model of the chosen lags.
 #[test]
-fn a_damper_without_options_is_simulated_better_than_by_the_usual_order() {
+fn searched_orders_beat_the_usual_order() {
     let Some(file) = data("bouc-wen.csv") else { return };
     let text = fs::read_to_string(file).unwrap();
     let folder = folder(&[("train.csv", rows_of(&text, 400..2000)), ("test.csv", rows_of(&text, 2001..3600))]);
-    let given = ["train.csv", "--dt", "0.002", "--outputs", "f", "--alias", "s=sign(v)", "--inputs", "E,v,s"];
+    let options = ["train.csv", "--dt", "0.002", "--outputs", "f", "--alias", "s=sign(v)", "--inputs", "E,v,s"];
     let run = |more: &[&str]| {
-        let found = fit(folder.path(), &[&given[..], &["--free-run", "test.csv"], more].concat()).ok().json();
-        (number(&found, "/files/by_file/0/free_run/0/rrse"), found)
+        let report = fit(folder.path(), &[&options[..], &["--free-run", "test.csv"], more].concat()).ok().json();
+        (number(&report, "/files/by_file/0/free_run/0/rrse"), report)
     };
-    let (looked, found) = run(&[]);
+    let (searched, report) = run(&[]);
     let (usual, _) = run(&["--order", "fixed"]);
-    let order = &found["order"];
+    let order = &report["order"];
     let lags = ["lags_out", "lags_in"].map(|name| order[name].to_string());
     let mut linear = vec!["--lags-out", &lags[0], "--lags-in", &lags[1], "--degree", "1", "--terms", "all"];
-    linear.extend(found["direct"].as_bool().unwrap().then_some("--direct"));
+    linear.extend(report["direct"].as_bool().unwrap().then_some("--direct"));
     let (linear, _) = run(&linear);
-    eprintln!("damper: free-run RRSE {looked:.6} looked for ({order}), {usual:.6} at 2, 2, 2, {linear:.6} linear");
-    assert!(looked <= usual && looked <= linear, "{looked} {usual} {linear}");
+    eprintln!("damper: free-run RRSE {searched:.6} looked for ({order}), {usual:.6} at 2, 2, 2, {linear:.6} linear");
+    assert!(searched <= usual && searched <= linear, "{searched} {usual} {linear}");
 }
 
 /// A switched system of two affine modes with noise: `y(k+1) = 0.8 y + 0.5 u` where u > 0.2, `-0.5 y + u` elsewhere.
@@ -217,26 +218,26 @@ fn switched(rows: usize, seed: u64) -> String {
 }
 
 #[test]
-fn regions_lags_and_library_stand_on_one_front() {
+fn orders_and_partitions_share_one_front() {
     let folder = folder(&[("log.csv", switched(1_500, 7)), ("other.csv", switched(400, 8))]);
-    let given =
+    let options =
         ["log.csv", "--partition", "average,refined:2,3", "--partition-on", "u", "--lags-out", "2", "--lags-in", "2"];
     let orders = ["--degree", "2", "--order", "auto", "--terms", "all"];
     for select in ["bic", "aic", "one-se", "cv"] {
         let run = |threads: &str| {
-            let how = ["--select", select, "--threads", threads, "-o", "model.json"];
-            let said = fit(folder.path(), &[&given[..], &orders, &how, &COLUMNS].concat()).ok();
-            fs::write(folder.path().join("fit.json"), &said.out).unwrap();
-            said.json()
+            let selection = ["--select", select, "--threads", threads, "-o", "model.json"];
+            let output = fit(folder.path(), &[&options[..], &orders, &selection, &COLUMNS].concat()).ok();
+            fs::write(folder.path().join("fit.json"), &output.out).unwrap();
+            output.json()
         };
-        let found = run("1");
-        assert_eq!(run("3"), found, "{select}: the same on any number of threads");
-        let tried = found["tried"].as_array().unwrap();
+        let report = run("1");
+        assert_eq!(run("3"), report, "{select}: the same on any number of threads");
+        let tried = report["tried"].as_array().unwrap();
         // Two lags of either, two degrees, three partitions.
         assert_eq!(tried.len(), 4 * 2 * 3);
-        let chosen: Vec<&serde_json::Value> = tried.iter().filter(|one| one["chosen"] == true).collect();
+        let chosen: Vec<&serde_json::Value> = tried.iter().filter(|candidate| candidate["chosen"] == true).collect();
         assert_eq!(chosen.len(), 1);
-        assert_eq!(chosen[0], &found["held_out"]);
+        assert_eq!(chosen[0], &report["held_out"]);
         assert_eq!(chosen[0]["partition"].as_str().map(|text| &text[..8]), Some("refined:"), "{select}");
         if matches!(select, "bic" | "one-se") {
             assert_eq!(chosen[0]["partition"], "refined:2");
@@ -244,40 +245,50 @@ fn regions_lags_and_library_stand_on_one_front() {
             assert_eq!(chosen[0]["coefficients"], 6);
         }
         if select == "bic" {
-            let bic = |one: &serde_json::Value| number(one, "/bic");
-            assert!(tried.iter().all(|one| bic(one) >= bic(chosen[0])));
+            let bic = |candidate: &serde_json::Value| number(candidate, "/bic");
+            assert!(tried.iter().all(|candidate| bic(candidate) >= bic(chosen[0])));
         }
-        // Nothing of as few coefficients beats what is on the front.
-        let (size, loss) =
-            (|one: &serde_json::Value| one["coefficients"].as_u64(), |one: &serde_json::Value| number(one, "/loss"));
-        for one in tried.iter().filter(|one| one["front"] == true) {
-            assert!(!tried.iter().any(|other| size(other) <= size(one) && loss(other) < loss(one)), "{select}");
+        // No model of as few coefficients has a lower loss than one on the front.
+        let (size, loss) = (
+            |candidate: &serde_json::Value| candidate["coefficients"].as_u64(),
+            |candidate: &serde_json::Value| number(candidate, "/loss"),
+        );
+        for candidate in tried.iter().filter(|candidate| candidate["front"] == true) {
+            assert!(
+                !tried.iter().any(|other| size(other) <= size(candidate) && loss(other) < loss(candidate)),
+                "{select}"
+            );
         }
     }
     // People and the page see the same.
     let arguments =
-        [&["fit", "narx"][..], &given, &orders, &["--select", "bic", "-o", "model.json"], &COLUMNS].concat();
+        [&["fit", "narx"][..], &options, &orders, &["--select", "bic", "-o", "model.json"], &COLUMNS].concat();
     let text = fleetfoot(folder.path(), &arguments).ok().out;
     assert!(text.contains("chosen by the least BIC of one-step errors, of 24 models"), "{text}");
     assert!(text.lines().any(|line| line.contains("refined:2") && line.contains("<- chosen, least BIC")), "{text}");
-    let told = fit(folder.path(), &arguments[2..]).ok().out;
-    fs::write(folder.path().join("fit.json"), told).unwrap();
+    let report = fit(folder.path(), &arguments[2..]).ok().out;
+    fs::write(folder.path().join("fit.json"), report).unwrap();
     fleetfoot(folder.path(), &["report", "model.json", "other.csv", "--fit", "fit.json", "-o", "page.html"]).ok();
     let page = fs::read_to_string(folder.path().join("page.html")).unwrap();
     assert_eq!(page.matches("id=\"orders-1\"").count(), 1);
     assert!(page.contains("one of 24 models with its regions"), "the front is drawn");
-    // Free runs decide where nothing else is said, and tell their front.
-    let free = [&given[..], &orders, &["-o", "free.json"], &COLUMNS].concat();
-    let found = fit(folder.path(), &free).ok().json();
-    let own = &found["held_out"];
-    assert!(own["loss"].is_null() && own["rrse"].is_number() && own["bic"].is_number(), "{own}");
-    let message = fit(folder.path(), &[&given[..], &["--select", "ebic"], &COLUMNS].concat()).fails(&["EBIC"]);
+    // Free runs decide where no criterion is chosen; the report has their front.
+    let free = [&options[..], &orders, &["-o", "free.json"], &COLUMNS].concat();
+    let report = fit(folder.path(), &free).ok().json();
+    let held_out = &report["held_out"];
+    assert!(held_out["loss"].is_null() && held_out["rrse"].is_number() && held_out["bic"].is_number(), "{held_out}");
+    let message = fit(folder.path(), &[&options[..], &["--select", "ebic"], &COLUMNS].concat()).fails(&["EBIC"]);
     assert!(message.contains("--select bic"), "{message}");
     // The other models of the front stand beside the chosen one, each by its number of coefficients.
     let more = ["--select", "cv", "--keep-all", "-o", "kept.json"];
-    let found = fit(folder.path(), &[&given[..], &orders, &more, &COLUMNS].concat()).ok().json();
-    let front = found["tried"].as_array().unwrap().iter().filter(|one| one["front"] == true && one["chosen"] == false);
-    let rivals: Vec<String> = front.map(|one| format!("kept_coefficients{}.json", one["coefficients"])).collect();
+    let report = fit(folder.path(), &[&options[..], &orders, &more, &COLUMNS].concat()).ok().json();
+    let front = report["tried"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|candidate| candidate["front"] == true && candidate["chosen"] == false);
+    let rivals: Vec<String> =
+        front.map(|candidate| format!("kept_coefficients{}.json", candidate["coefficients"])).collect();
     assert!(rivals.len() > 1, "{rivals:?}");
     for rival in &rivals {
         let scores = fleetfoot(folder.path(), &["score", rival, "other.csv", "--json"]).ok().json();

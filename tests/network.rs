@@ -16,7 +16,7 @@ fn spring(rows: usize, seed: u64, cubic: f64) -> String {
         if k % 25 == 0 {
             u = 6.0 * draw(seed + k as u64);
         }
-        let noise = |own: u64| 1e-4 * draw(own + seed + 10 * k as u64);
+        let noise = |key: u64| 1e-4 * draw(key + seed + 10 * k as u64);
         text.push_str(&format!("{:.2},{:?},{:?},{u:?}\n", 0.02 * k as f64, x + noise(7), v + noise(8)));
         for _ in 0..20 {
             (x, v) = (x + 1e-3 * v, v + 1e-3 * (u - 4.0 * x - cubic * x * x * x - 0.5 * v));
@@ -39,22 +39,22 @@ fn model(folder: &Path, file: &str) -> serde_json::Value {
 }
 
 #[test]
-fn a_nonlinear_log_gets_a_network_that_simulates_better_and_runs_as_code() {
+fn networks_simulate_nonlinear_logs_better() {
     let folder = folder(&[("run.csv", spring(2500, 1, 12.0)), ("other.csv", spring(800, 900_000, 12.0))]);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     let low = ["--predict", "next", "--effort", "low"];
-    let found = run(&[&FIT[..], &low, &["--json", "-o", "net.json"]].concat()).json();
-    let candidates = found["candidates"].as_array().expect("candidates");
-    let chosen = &candidates[found["chosen"].as_u64().expect("an index") as usize];
-    assert!(chosen["name"].as_str().is_some_and(|name| name.starts_with("network")), "{found}");
-    assert!(chosen["loss"].as_f64() < candidates[0]["loss"].as_f64().map(|loss| 0.3 * loss), "{found}");
+    let report = run(&[&FIT[..], &low, &["--json", "-o", "net.json"]].concat()).json();
+    let candidates = report["candidates"].as_array().expect("candidates");
+    let chosen = &candidates[report["chosen"].as_u64().expect("an index") as usize];
+    assert!(chosen["name"].as_str().is_some_and(|name| name.starts_with("network")), "{report}");
+    assert!(chosen["loss"].as_f64() < candidates[0]["loss"].as_f64().map(|loss| 0.3 * loss), "{report}");
     // An unseen log has no larger errors than those that are printed as held out.
-    let told: Vec<f64> =
-        found["held_out"].as_array().expect("errors").iter().map(|own| own["rmse"].as_f64().unwrap()).collect();
+    let held_out: Vec<f64> =
+        report["held_out"].as_array().expect("errors").iter().map(|error| error["rmse"].as_f64().unwrap()).collect();
     let scored = run(&["score", "net.json", "other.csv", "--json"]).json();
-    for (target, told) in scored["targets"].as_array().expect("targets").iter().zip(&told) {
+    for (target, held_out) in scored["targets"].as_array().expect("targets").iter().zip(&held_out) {
         let rmse = target["rmse"].as_f64().unwrap_or_else(|| panic!("{scored}"));
-        assert!(rmse < 1.5 * told, "held-out errors flatter: {rmse} {told}");
+        assert!(rmse < 1.5 * held_out, "held-out errors flatter: {rmse} {held_out}");
     }
     run(&[
         "fit",
@@ -72,8 +72,8 @@ fn a_nonlinear_log_gets_a_network_that_simulates_better_and_runs_as_code() {
         "line.json",
     ]);
     let simulated = |model: &str| {
-        let found = run(&["rollout", model, "other.csv", "--horizon", "100", "--json"]).json();
-        found["model"]["summary"]["average"]["value"].as_f64().expect("an error")
+        let report = run(&["rollout", model, "other.csv", "--horizon", "100", "--json"]).json();
+        report["model"]["summary"]["average"]["value"].as_f64().expect("an error")
     };
     let (line, network) = (simulated("line.json"), simulated("net.json"));
     assert!(network < 0.3 * line, "{network} {line}");
@@ -111,7 +111,7 @@ fn without_velocity(text: &str) -> String {
 }
 
 #[test]
-fn past_rows_are_read_where_simulations_need_them() {
+fn simulations_may_need_past_rows() {
     let folder = folder(&[
         ("run.csv", spring(2500, 1, 12.0)),
         ("x.csv", without_velocity(&spring(2500, 1, 12.0))),
@@ -120,25 +120,25 @@ fn past_rows_are_read_where_simulations_need_them() {
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     // The velocity follows from rows before only.
     let hidden = ["fit", "network", "x.csv", "--states", "x", "--inputs", "u", "--effort", "low", "--json", "-o"];
-    let found = run(&[&hidden[..], &["x.json"]].concat()).json();
-    assert!(found["lags"]["chosen"] == true && found["lags"]["states"].as_u64() > Some(1), "{found}");
-    assert!(model(folder.path(), "x.json")["libraries"][0].as_array().is_some_and(|own| own.len() > 3));
+    let report = run(&[&hidden[..], &["x.json"]].concat()).json();
+    assert!(report["lags"]["chosen"] == true && report["lags"]["states"].as_u64() > Some(1), "{report}");
+    assert!(model(folder.path(), "x.json")["libraries"][0].as_array().is_some_and(|functions| functions.len() > 3));
     run(&[&hidden[..], &["none.json", "--lags", "0"]].concat());
     let error = |file: &str| {
-        let found = run(&["rollout", file, "other.csv", "--horizon", "50", "--json"]).json();
-        found["model"]["summary"]["average"]["value"].as_f64().expect("an error")
+        let report = run(&["rollout", file, "other.csv", "--horizon", "50", "--json"]).json();
+        report["model"]["summary"]["average"]["value"].as_f64().expect("an error")
     };
     assert!(error("x.json") < 0.2 * error("none.json"), "{} {}", error("x.json"), error("none.json"));
     // Both states are measured: one-step errors like past rows. What is written simulates an unseen log as well as the folds' networks did theirs.
     fs::write(folder.path().join("fresh.csv"), spring(800, 900_000, 12.0)).expect("a log");
-    let found = run(&[&FIT[..], &["--effort", "low", "--json", "-o", "full.json"]].concat()).json();
-    let lags = &found["lags"];
+    let report = run(&[&FIT[..], &["--effort", "low", "--json", "-o", "full.json"]].concat()).json();
+    let lags = &report["lags"];
     if let (Some(written), Some(held)) = (lags["written"].as_f64(), lags["with"].as_array()) {
         let worst = held.iter().filter_map(serde_json::Value::as_f64).fold(0.0, f64::max);
         assert!(written < 2.0 * worst, "{lags}");
     }
-    let found = run(&["rollout", "full.json", "fresh.csv", "--horizon", "50", "--json"]).json();
-    let average = found["model"]["summary"]["average"]["value"].as_f64();
+    let report = run(&["rollout", "full.json", "fresh.csv", "--horizon", "50", "--json"]).json();
+    let average = report["model"]["summary"]["average"]["value"].as_f64();
     assert!(average < Some(0.05), "{average:?}");
 }
 
@@ -151,34 +151,34 @@ fn known_kinematics_stand_beside_a_network() {
         ("r.toml", recipe.to_owned()),
     ]);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
-    let found = run(&["fit", "network", "-c", "r.toml", "run.csv", "--json", "-o", "net.json"]).json();
-    assert_eq!(found["targets"].as_array().map(Vec::len), Some(1), "{found}");
-    let own = model(folder.path(), "net.json");
-    assert!(own["method"].as_str().is_some_and(|method| method.starts_with("network ")), "{}", own["method"]);
-    let found = run(&["rollout", "net.json", "other.csv", "--horizon", "50", "--json"]).json();
-    let errors = &found["model"]["summary"];
+    let report = run(&["fit", "network", "-c", "r.toml", "run.csv", "--json", "-o", "net.json"]).json();
+    assert_eq!(report["targets"].as_array().map(Vec::len), Some(1), "{report}");
+    let network = model(folder.path(), "net.json");
+    assert!(network["method"].as_str().is_some_and(|method| method.starts_with("network ")), "{}", network["method"]);
+    let report = run(&["rollout", "net.json", "other.csv", "--horizon", "50", "--json"]).json();
+    let errors = &report["model"]["summary"];
     assert!(errors["average"]["value"].as_f64() < Some(0.15), "{errors}");
     run(&["export", "net.json", "--to", "c", "-o", "code"]);
     // A step of both: the kinematics are integrated, the network gives the next row.
     run(&["fit", "network", "-c", "r.toml", "run.csv", "--predict", "delta", "-o", "delta.json"]);
-    let found = run(&["rollout", "delta.json", "other.csv", "--horizon", "50", "--json"]).json();
-    let errors = &found["model"]["summary"];
+    let report = run(&["rollout", "delta.json", "other.csv", "--horizon", "50", "--json"]).json();
+    let errors = &report["model"]["summary"];
     assert!(errors["average"]["value"].as_f64() < Some(0.15), "{errors}");
 }
 
 #[test]
-fn a_linear_log_gets_the_linear_model_and_is_told_so() {
+fn linear_logs_get_the_linear_model() {
     let folder = folder(&[("run.csv", spring(1500, 3, 0.0))]);
     let options = ["--predict", "next", "--lags", "0", "--effort", "low", "-o", "net.json"];
-    let said = fleetfoot(folder.path(), &[&FIT[..], &options].concat()).ok();
-    assert!(said.err.contains("no network predicts held-out rows better than the linear model"), "{}", said.err);
+    let output = fleetfoot(folder.path(), &[&FIT[..], &options].concat()).ok();
+    assert!(output.err.contains("no network predicts held-out rows better than the linear model"), "{}", output.err);
     assert!(
-        said.out.contains("linear") && said.out.contains("<- chosen") && said.out.contains("persistence"),
+        output.out.contains("linear") && output.out.contains("<- chosen") && output.out.contains("persistence"),
         "{}",
-        said.out
+        output.out
     );
-    let own = model(folder.path(), "net.json");
-    assert!(own["method"] == "network linear" && own["latents"][0].get("network").is_none());
+    let fitted = model(folder.path(), "net.json");
+    assert!(fitted["method"] == "network linear" && fitted["latents"][0].get("network").is_none());
     let pwa = [
         "fit",
         "pwa",
@@ -195,54 +195,54 @@ fn a_linear_log_gets_the_linear_model_and_is_told_so() {
         "line.json",
     ];
     fleetfoot(folder.path(), &pwa).ok();
-    assert_eq!(own["latents"], model(folder.path(), "line.json")["latents"]);
+    assert_eq!(fitted["latents"], model(folder.path(), "line.json")["latents"]);
 }
 
 #[test]
-fn derivatives_and_lags_are_learned_and_threads_change_no_byte() {
+fn threads_change_no_byte_of_networks() {
     let folder = folder(&[("run.csv", spring(1200, 5, 12.0))]);
     let mut files = Vec::new();
     for threads in ["1", "2"] {
         let file = format!("net{threads}.json");
         let options = ["--hidden", "6,4", "--activation", "softplus", "--lags", "1", "--effort", "low", "--seed", "3"];
         let rest = ["--predict", "derivative", "--threads", threads, "-o", &file];
-        let said = fleetfoot(folder.path(), &[&FIT[..], &options, &rest].concat()).ok();
-        assert!(said.out.contains("network 6-4"), "{}", said.out);
+        let output = fleetfoot(folder.path(), &[&FIT[..], &options, &rest].concat()).ok();
+        assert!(output.out.contains("network 6-4"), "{}", output.out);
         files.push(fs::read(folder.path().join(&file)).expect("a model"));
     }
     assert!(files[0] == files[1], "the bytes of a model depend on threads");
-    let own = model(folder.path(), "net1.json");
-    assert_eq!(own["method"], "network 6-4 softplus");
+    let saved = model(folder.path(), "net1.json");
+    assert_eq!(saved["method"], "network 6-4 softplus");
     // Hidden layers stand once.
     let networks: Vec<_> =
-        own["latents"].as_array().expect("latents").iter().map(|own| own["network"].clone()).collect();
+        saved["latents"].as_array().expect("latents").iter().map(|latent| latent["network"].clone()).collect();
     assert!(networks[0]["hidden"]["layers"].as_array().is_some_and(|layers| layers.len() == 2), "{networks:?}");
     assert!(networks[1].get("hidden").is_none() && networks[1]["of"] == 0, "{networks:?}");
     fleetfoot(folder.path(), &["rollout", "net1.json", "run.csv", "--horizon", "20"]).ok();
 }
 
 #[test]
-fn what_cannot_be_trained_is_said() {
+fn impossible_networks_are_refused() {
     let folder = folder(&[("run.csv", spring(40, 1, 12.0)), ("one.csv", "t,x,v,u\n0,1,2,3\n".into())]);
     let fails = |options: &[&str], words: &[&str]| {
         fleetfoot(folder.path(), &[&FIT[..], options].concat()).fails(words);
         assert!(!folder.path().join("model.json").exists());
     };
     for (hidden, words) in [("0", "1 to 1024 units"), ("8,x", "write the units of every hidden layer with commas")] {
-        let said = fleetfoot(folder.path(), &[&FIT[..], &["--hidden", hidden]].concat());
-        assert!(said.code == 2 && said.err.contains(words), "{}", said.err);
+        let output = fleetfoot(folder.path(), &[&FIT[..], &["--hidden", hidden]].concat());
+        assert!(output.code == 2 && output.err.contains(words), "{}", output.err);
         fs::write(folder.path().join("r.toml"), format!("[network]\nhidden = \"{hidden}\"\n")).expect("a recipe");
         fails(&["-c", "r.toml"], &[words]);
     }
     fails(&["--hidden", "64"], &["network 64", "too few", "three rows a weight"]);
     fails(&["--radial", "5"], &["`fit network` has no radial functions"]);
-    let one = ["fit", "network", "one.csv", "--states", "x,v", "--inputs", "u", "--predict", "next"];
-    fleetfoot(folder.path(), &one).fails(&["row"]);
+    let single_row = ["fit", "network", "one.csv", "--states", "x,v", "--inputs", "u", "--predict", "next"];
+    fleetfoot(folder.path(), &single_row).fails(&["row"]);
     fleetfoot(folder.path(), &["scan", "run.csv", "--states", "x,v", "-o", "run.stats"]).ok();
     fleetfoot(folder.path(), &["fit", "network", "run.stats"]).fails(&["trains on rows, which a statistic has not"]);
     // Sizes that rows do not suffice for are not compared.
-    let said = fleetfoot(folder.path(), &[&FIT[..], &["-o", "few.json"]].concat()).ok();
-    assert!(said.err.contains("no network was compared: the linear model is written"), "{}", said.err);
+    let output = fleetfoot(folder.path(), &[&FIT[..], &["-o", "few.json"]].concat()).ok();
+    assert!(output.err.contains("no network was compared: the linear model is written"), "{}", output.err);
     // A constant column and rows with a missing value are no obstacle.
     let text: String = (spring(600, 2, 12.0).lines().enumerate())
         .map(|(at, line)| match at {
@@ -254,6 +254,6 @@ fn what_cannot_be_trained_is_said() {
     fs::write(folder.path().join("gap.csv"), text).expect("a log");
     let gap =
         ["fit", "network", "gap.csv", "--states", "x,v", "--inputs", "u,c", "--predict", "next", "--effort", "low"];
-    let said = fleetfoot(folder.path(), &[&gap[..], &["-o", "gap.json"]].concat()).ok();
-    assert!(said.out.contains("incomplete"), "{}", said.out);
+    let output = fleetfoot(folder.path(), &[&gap[..], &["-o", "gap.json"]].concat()).ok();
+    assert!(output.out.contains("incomplete"), "{}", output.out);
 }

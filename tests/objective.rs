@@ -39,7 +39,7 @@ fn folder(sigma: f64) -> tempfile::TempDir {
 
 const LOGS: [&str; 6] = ["run0.csv", "run1.csv", "run2.csv", "run3.csv", "run4.csv", "run5.csv"];
 
-fn fit(folder: &Path, method: &str, options: &str) -> Said {
+fn fit(folder: &Path, method: &str, options: &str) -> Run {
     let columns = if method == "narx" { "--outputs x,v --inputs u" } else { "--states x,v --inputs u --predict next" };
     let mut arguments: Vec<&str> = vec!["fit", method];
     arguments.extend(columns.split(' ').chain(options.split(' ')).chain(["--time", "t"]).chain(LOGS));
@@ -53,18 +53,22 @@ fn pairs(report: &serde_json::Value, name: &str) -> [f64; 2] {
 /// On a linear system that is measured with noise, every method gets better rollouts by simulations. The written model
 /// has their coefficients, and its recipe the objective.
 #[test]
-fn noisy_states_are_simulated_better_by_every_method() {
+fn every_method_simulates_noisy_states_better() {
     let folder = folder(0.3);
     for (method, options) in [
         ("pwa", "--folds 0"),
         ("sindy", "--library poly(1) --threshold 0"),
         ("narx", "--lags-out 1 --lags-in 1 --degree 1 --terms all"),
     ] {
-        let one = fit(folder.path(), method, &format!("{options} -o one.json")).ok();
-        assert!(!one.out.contains("Simulation error"), "{}", one.out);
-        let said = fit(folder.path(), method, &format!("{options} --objective steps:10 -o steps.json --json")).ok();
-        assert!(said.err.contains("--objective steps:10: at most") && said.err.contains("passes"), "{}", said.err);
-        let report = &said.json()["objective"];
+        let one_step = fit(folder.path(), method, &format!("{options} -o one.json")).ok();
+        assert!(!one_step.out.contains("Simulation error"), "{}", one_step.out);
+        let output = fit(folder.path(), method, &format!("{options} --objective steps:10 -o steps.json --json")).ok();
+        assert!(
+            output.err.contains("--objective steps:10: at most") && output.err.contains("passes"),
+            "{}",
+            output.err
+        );
+        let report = &output.json()["objective"];
         let [before, after] = pairs(report, "rollouts_over_persistence");
         assert!(after < before && report["written"] == true, "{method}: {report}");
         let cost = pairs(report, "cost");
@@ -72,8 +76,8 @@ fn noisy_states_are_simulated_better_by_every_method() {
         let read = |name: &str| -> serde_json::Value {
             serde_json::from_str(&fs::read_to_string(folder.path().join(name)).expect("a model")).expect("JSON")
         };
-        let (one, steps) = (read("one.json"), read("steps.json"));
-        assert_ne!(one["model"]["latents"], steps["model"]["latents"]);
+        let (one_step, steps) = (read("one.json"), read("steps.json"));
+        assert_ne!(one_step["model"]["latents"], steps["model"]["latents"]);
         if method == "pwa" {
             residuals_are_those_of_the_rows(&steps["model"], |_| 0);
         }
@@ -88,7 +92,7 @@ fn noisy_states_are_simulated_better_by_every_method() {
 /// A free run is as long as the held-out part, whole logs here. Its coefficients are nearer to the truth than those of
 /// one step, which noise in the states shrinks.
 #[test]
-fn free_runs_are_as_long_as_what_is_held_out() {
+fn free_runs_span_the_held_out_rows() {
     let folder = folder(0.3);
     for (method, options) in [
         ("pwa", "--folds 0"),
@@ -96,10 +100,10 @@ fn free_runs_are_as_long_as_what_is_held_out() {
         ("narx", "--lags-out 1 --lags-in 1 --degree 1 --terms all"),
     ] {
         fit(folder.path(), method, &format!("{options} -o one.json")).ok();
-        let said = fit(folder.path(), method, &format!("{options} --objective free-run -o free.json --json")).ok();
-        assert!(said.err.contains("--objective free-run: at most"), "{}", said.err);
-        assert!(said.err.contains("rollouts of as many steps as they have room for"), "{}", said.err);
-        let report = &said.json()["objective"];
+        let output = fit(folder.path(), method, &format!("{options} --objective free-run -o free.json --json")).ok();
+        assert!(output.err.contains("--objective free-run: at most"), "{}", output.err);
+        assert!(output.err.contains("rollouts of as many steps as they have room for"), "{}", output.err);
+        let report = &output.json()["objective"];
         // A rollout of n steps needs one row before its start and n behind it, of 400.
         assert_eq!((report["steps"].as_u64(), report["segments"].as_u64()), (Some(398), Some(6)), "{method}: {report}");
         let [before, after] = pairs(report, "rollouts_over_persistence");
@@ -107,7 +111,7 @@ fn free_runs_are_as_long_as_what_is_held_out() {
         let read = |name: &str| -> serde_json::Value {
             serde_json::from_str(&fs::read_to_string(folder.path().join(name)).expect("a model")).expect("JSON")
         };
-        let (one, free) = (read("one.json"), read("free.json"));
+        let (one_step, free) = (read("one.json"), read("free.json"));
         let recipe = free["model"]["training"]["recipe"].as_str().expect("a recipe");
         assert!(recipe.contains("objective = \"free-run\""), "{recipe}");
         let off = |model: &serde_json::Value| -> f64 {
@@ -122,7 +126,7 @@ fn free_runs_are_as_long_as_what_is_held_out() {
                 (0..2).flat_map(|t| ["x", "v", "u"].into_iter().enumerate().map(move |(j, name)| (t, j, name)));
             squares.map(|(t, j, name)| (of(t, name) - truth[t][j]).powi(2)).sum::<f64>().sqrt()
         };
-        assert!(off(&free) < 0.5 * off(&one), "{method}: {} {}", off(&free), off(&one));
+        assert!(off(&free) < 0.5 * off(&one_step), "{method}: {} {}", off(&free), off(&one_step));
     }
     let short = folder.path().join("short.csv");
     fs::write(&short, oscillator(14, 9, 0.3)).expect("a log");
@@ -130,10 +134,10 @@ fn free_runs_are_as_long_as_what_is_held_out() {
     fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).fails(&["--objective free-run", "longer logs"]);
 }
 
-/// The models of folds may choose terms that reach further back than those of all rows: the free run is as long as the shortest has room for. What is told as held out is of the
+/// The models of folds may choose terms that reach further back than those of all rows: the free run is as long as the shortest has room for. The held-out error is of the
 /// model that is written.
 #[test]
-fn free_runs_have_room_for_the_models_of_all_folds() {
+fn free_runs_suit_models_of_all_folds() {
     let folder = tempfile::tempdir().expect("a folder");
     for run in 0..6 {
         let (mut x, mut inputs, mut text) = (1.0, vec![0.0; 8], String::from("t,x,u\n"));
@@ -156,11 +160,11 @@ fn free_runs_have_room_for_the_models_of_all_folds() {
     let steps = report["objective"]["steps"].as_u64().unwrap_or(0);
     assert!((90..=95).contains(&steps), "{steps} steps, 7 rows before them, of 103");
     assert_eq!(report["objective"]["written"] == true, report["held_out"].is_null(), "{report}");
-    let said = fit("steps:100", &[]).fails(&["objective steps:100", "ask for fewer steps"]);
-    assert!(!said.contains("--horizon"), "{said}");
+    let message = fit("steps:100", &[]).fails(&["objective steps:100", "ask for fewer steps"]);
+    assert!(!message.contains("--horizon"), "{message}");
 }
 
-/// The residual covariances of the written coefficients, told without a pass, are those of the rows in their regions.
+/// The residual covariances of the written coefficients, computed without a pass, are those of the rows in their regions.
 fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[f64]) -> usize) {
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let (latents, regions) = (&model["latents"], model["partitions"][0]["regions"].as_array().expect("regions"));
@@ -174,8 +178,8 @@ fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[
         for pair in log.windows(2) {
             let at = region(&pair[0]);
             let error = |t: usize| {
-                let own = latents[t]["coefficients"][at].as_array().expect("coefficients");
-                let map: f64 = own.iter().zip(&pair[0]).map(|(a, x)| number(a) * x).sum();
+                let coefficients = latents[t]["coefficients"][at].as_array().expect("coefficients");
+                let map: f64 = coefficients.iter().zip(&pair[0]).map(|(a, x)| number(a) * x).sum();
                 pair[1][t] - map - number(&latents[t]["constants"][at])
             };
             let [a, b] = [error(0), error(1)];
@@ -185,21 +189,21 @@ fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[
     }
     for ((region, moments), rows) in regions.iter().zip(&moments).zip(&rows) {
         assert_eq!(region["rows"].as_f64(), Some(*rows));
-        let told = region["residual_covariance"].as_array().expect("a covariance");
-        for (told, sum) in told.iter().zip(moments) {
+        let covariance = region["residual_covariance"].as_array().expect("a covariance");
+        for (entry, sum) in covariance.iter().zip(moments) {
             // The logs' numbers are read to the bit; sums of up to 2,394 rows round.
-            assert!((number(told) - sum / rows).abs() < 1e-10, "{told} {}", sum / rows);
+            assert!((number(entry) - sum / rows).abs() < 1e-10, "{entry} {}", sum / rows);
         }
     }
 }
 
 /// Rows without noise are those of the model of one step: its rollouts cannot be improved, and it is written.
 #[test]
-fn what_does_not_simulate_better_is_not_written() {
+fn worse_simulations_are_not_written() {
     let folder = folder(0.0);
-    let said = fit(folder.path(), "pwa", "--folds 0 --objective steps:5 -o steps.json --json").ok();
+    let output = fit(folder.path(), "pwa", "--folds 0 --objective steps:5 -o steps.json --json").ok();
     fit(folder.path(), "pwa", "--folds 0 -o one.json").ok();
-    let report = said.json();
+    let report = output.json();
     let read = |name: &str| -> serde_json::Value {
         serde_json::from_str(&fs::read_to_string(folder.path().join(name)).expect("a model")).expect("JSON")
     };
@@ -229,18 +233,19 @@ fn a_constant_state_is_refused() {
 /// metric, from the files' numbers. The weight of the prior is one that was tried, its rollouts are the reported ones,
 /// and threads change no byte.
 #[test]
-fn bounded_maps_are_fitted_to_simulations_within_their_bound() {
+fn simulation_fits_respect_the_bound() {
     let folder = folder(0.3);
     let options = "--folds 0 --partition kmeans:12 --stable=0.99 --objective steps:10 --json";
-    let said = fit(folder.path(), "pwa", &format!("{options} -o steps.json")).ok();
-    assert!(said.err.contains("--objective steps:10: at most") && !said.err.contains("2000"), "{}", said.err);
-    let report = said.json();
+    let output = fit(folder.path(), "pwa", &format!("{options} -o steps.json")).ok();
+    assert!(output.err.contains("--objective steps:10: at most") && !output.err.contains("2000"), "{}", output.err);
+    let report = output.json();
     let objective = &report["objective"];
     let ([before, after], cost) = (pairs(objective, "rollouts_over_persistence"), pairs(objective, "cost"));
     assert!(objective["written"] == true && after < before && cost[1] < cost[0], "{objective}");
     let tried = objective["prior_weights"].as_array().expect("weights");
-    let own = tried.iter().find(|own| own["weight"] == objective["prior_weight"]).expect("the weight");
-    assert!(tried.len() == 3 && own["rollouts"] == objective["rollouts_over_persistence"][1], "{objective}");
+    let candidate =
+        tried.iter().find(|candidate| candidate["weight"] == objective["prior_weight"]).expect("the weight");
+    assert!(tried.len() == 3 && candidate["rollouts"] == objective["rollouts_over_persistence"][1], "{objective}");
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let metric: Vec<f64> =
         report["candidates"][0]["stability"]["metric"].as_array().expect("a metric").iter().map(number).collect();
@@ -282,11 +287,11 @@ fn bounded_maps_are_fitted_to_simulations_within_their_bound() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_the_mend() {
+fn impossible_objectives_are_refused_with_the_mend() {
     let folder = folder(0.1);
     for wrong in ["steps:0", "steps:", "many", "steps:1e3"] {
-        let said = fit(folder.path(), "pwa", &format!("--objective {wrong}"));
-        assert!(said.code == 2 && said.err.contains("one-step, free-run, or steps:N"), "{wrong}: {}", said.err);
+        let output = fit(folder.path(), "pwa", &format!("--objective {wrong}"));
+        assert!(output.code == 2 && output.err.contains("one-step, free-run, or steps:N"), "{wrong}: {}", output.err);
     }
     fit(folder.path(), "pwa", "--objective steps:399").fails(&["--objective steps:399", "399 steps", "longer logs"]);
     let recipe = "[states]\nx = {}\nv = {}\n[time]\ncolumn = \"t\"\n[model]\npredict = \"next\"\n";
@@ -302,7 +307,7 @@ fn what_cannot_be_is_refused_with_the_mend() {
 
 /// A map that grows is held at the border of the training range, or ends there.
 #[test]
-fn rollouts_outside_of_the_training_domain_are_told_ended_or_held() {
+fn rollouts_outside_the_domain_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let grows = |rows: u32| {
         let row = |k: u32| format!("{:.1},{:?}\n", 0.1 * f64::from(k), (0.1 * f64::from(k)).exp());
@@ -396,7 +401,7 @@ fn dissipated(model: &serde_json::Value, stability: &serde_json::Value) -> Vec<f
 }
 
 #[test]
-fn regions_give_no_more_than_they_took() {
+fn passive_regions_create_no_energy() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     std::fs::write(path.join("spring.csv"), sprung(3000)).unwrap();
@@ -413,20 +418,20 @@ fn regions_give_no_more_than_they_took() {
     ];
     let with = |more: &[&str]| fleetfoot(path, &[&arguments[..], more].concat());
     let free = with(&["-o", "free.json"]).ok().json();
-    let found = with(&["-o", "passive.json", "--passive=f:v"]).ok().json();
+    let report = with(&["-o", "passive.json", "--passive=f:v"]).ok().json();
     let read =
         |name: &str| -> serde_json::Value { serde_json::from_slice(&std::fs::read(path.join(name)).unwrap()).unwrap() };
-    let told = &found["candidates"][0]["stability"];
-    let (before, after) = (dissipated(&read("free.json"), told), dissipated(&read("passive.json"), told));
+    let stability = &report["candidates"][0]["stability"];
+    let (before, after) = (dissipated(&read("free.json"), stability), dissipated(&read("passive.json"), stability));
     assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
     let broken = before.iter().filter(|least| **least < -1e-3).count();
-    assert!(broken >= 3 && told["moved"].as_u64() >= Some(broken as u64), "{before:?} {told}");
-    let port = &told["passivity"]["ports"][0];
+    assert!(broken >= 3 && stability["moved"].as_u64() >= Some(broken as u64), "{before:?} {stability}");
+    let port = &stability["passivity"]["ports"][0];
     assert_eq!((port["input"].as_str(), port["state"].as_str()), (Some("f"), Some("v")));
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     // h/m is 1/30, and twice that is allowed.
     assert!((number(&port["shortage"]) - 1.0 / 15.0).abs() < 0.01, "{port}");
-    let candidate = &found["candidates"][0];
+    let candidate = &report["candidates"][0];
     assert_eq!(candidate["free_loss"], free["candidates"][0]["loss"]);
     assert!(number(&candidate["loss"]) < 1.02 * number(&candidate["free_loss"]), "{candidate}");
     // From a statistic to the same numbers, and fitted to simulations within the same set.
@@ -441,14 +446,16 @@ fn regions_give_no_more_than_they_took() {
         fleetfoot(path, &["fit", "pwa", "spring.stats", "--passive=f:v", "-o", "summed.json", "--json"]).ok().json();
     let after = dissipated(&read("summed.json"), &summed["candidates"][0]["stability"]);
     assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
-    let few: Vec<&str> =
-        arguments.iter().map(|one| if *one == "--partition=kmeans:8" { "--partition=kmeans:3" } else { one }).collect();
+    let few: Vec<&str> = arguments
+        .iter()
+        .map(|argument| if *argument == "--partition=kmeans:8" { "--partition=kmeans:3" } else { argument })
+        .collect();
     let steps = ["-o", "steps.json", "--passive=f:v", "--objective=steps:5", "--folds=0"];
     let steps = fleetfoot(path, &[&few[..], &steps].concat()).ok().json();
     let after = dissipated(&read("steps.json"), &steps["candidates"][0]["stability"]);
-    // Of the model that is written it is told, too.
-    let given = steps["objective"]["bound"]["passive_norm"].as_f64().expect("a number");
-    assert!(given > 0.5 && given <= 1.0 + 1e-9, "{given}");
+    // The written model has its bound in the report, too.
+    let passive_norm = steps["objective"]["bound"]["passive_norm"].as_f64().expect("a number");
+    assert!(passive_norm > 0.5 && passive_norm <= 1.0 + 1e-9, "{passive_norm}");
     assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
     let text = fleetfoot(path, &[&arguments[..8], &["-o", "text.json", "--passive=f:v:0.1"]].concat()).ok().out;
     assert!(text.contains("passive at f:v") && text.contains("0.1000"), "{text}");
@@ -459,7 +466,7 @@ fn regions_give_no_more_than_they_took() {
     ] {
         with(&[&["-o", "wrong.json"], more].concat()).fails(parts);
     }
-    let said = with(&["-o", "wrong.json", "--passive=f"]);
-    assert!(said.code == 2 && said.err.contains("force:speed"), "{}", said.err);
+    let output = with(&["-o", "wrong.json", "--passive=f"]);
+    assert!(output.code == 2 && output.err.contains("force:speed"), "{}", output.err);
     assert!(!path.join("wrong.json").exists());
 }

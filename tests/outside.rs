@@ -42,14 +42,14 @@ pub(crate) fn python(packages: &str) -> Option<OsString> {
     };
     let tried = Command::new(&python).args(["-c", &format!("import {packages}")]).output();
     let tried = tried.unwrap_or_else(|problem| panic!("FLEETFOOT_PYTHON={} does not run: {problem}", python.display()));
-    let said = String::from_utf8_lossy(&tried.stderr);
-    assert!(tried.status.success(), "FLEETFOOT_PYTHON={} lacks a package: {}", python.display(), said.trim());
+    let errors = String::from_utf8_lossy(&tried.stderr);
+    assert!(tried.status.success(), "FLEETFOOT_PYTHON={} lacks a package: {}", python.display(), errors.trim());
     Some(python)
 }
 
 /// A path beside the checkout, whose root holds the lock file.
 fn beside_the_checkout(name: &str) -> PathBuf {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let root = own.ancestors().find(|folder| folder.join("Cargo.lock").exists()).unwrap_or(own);
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = manifest.ancestors().find(|folder| folder.join("Cargo.lock").exists()).unwrap_or(manifest);
     root.join("..").join(name)
 }

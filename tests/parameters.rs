@@ -57,19 +57,19 @@ fn folder(recipe: &str) -> tempfile::TempDir {
 
 const LOGS: [&str; 5] = ["run0.csv", "run1.csv", "run2.csv", "run3.csv", "run4.csv"];
 
-fn fit(folder: &Path, options: &[&str]) -> Said {
+fn fit(folder: &Path, options: &[&str]) -> Run {
     fleetfoot(folder, &[&["fit", "parameters", "-c", "robot.toml"], options, &LOGS[..]].concat())
 }
 
 #[test]
-fn the_truth_lies_in_the_intervals_and_the_model_runs_like_any_other() {
+fn intervals_contain_the_truth() {
     let folder = folder(RECIPE);
-    let said = fit(folder.path(), &["--json", "-o", "spring.json"]).ok();
-    let report = said.json();
-    for (own, truth) in report["parameters"].as_array().unwrap().iter().zip([4.0, 0.6, 2.0]) {
-        let [low, high] = [0, 1].map(|end| own["interval"][end].as_f64().unwrap());
-        assert!(low < truth && truth < high && high - low < 0.1, "{own}");
-        assert!(own["standard_error"].as_f64().unwrap() > 0.0 && own["determined"] == true, "{own}");
+    let output = fit(folder.path(), &["--json", "-o", "spring.json"]).ok();
+    let report = output.json();
+    for (parameter, truth) in report["parameters"].as_array().unwrap().iter().zip([4.0, 0.6, 2.0]) {
+        let [low, high] = [0, 1].map(|end| parameter["interval"][end].as_f64().unwrap());
+        assert!(low < truth && truth < high && high - low < 0.1, "{parameter}");
+        assert!(parameter["standard_error"].as_f64().unwrap() > 0.0 && parameter["determined"] == true, "{parameter}");
     }
     assert!(report["held_out"]["over_persistence"].as_f64().unwrap() < 0.1 && report["converged"] == true, "{report}");
     assert_eq!((report["segments"].as_u64(), report["confounded"].as_array().unwrap().len()), (Some(5), 0));
@@ -86,7 +86,7 @@ fn the_truth_lies_in_the_intervals_and_the_model_runs_like_any_other() {
         fleetfoot(folder.path(), &["rollout", "spring.json", "run0.csv", "--horizon", "50", "--method", "rk4"]).ok();
     assert!(rolled.out.contains("better than every baseline"), "{}", rolled.out);
     fleetfoot(folder.path(), &["export", "spring.json", "--to", "python", "-o", "code"]).ok();
-    // A flag says what the recipe says; segments, fixed and compared states are told.
+    // A flag has the effect of the recipe's entry; segments, fixed and compared states are printed.
     let text = fit(folder.path(), &["--segment", "100", "--compare", "x", "--folds", "0", "--parameter", "g=2"]).ok();
     assert!(
         text.out.contains("15 segments") && text.err.contains("in-sample") && !text.out.contains("Held out"),
@@ -98,16 +98,16 @@ fn the_truth_lies_in_the_intervals_and_the_model_runs_like_any_other() {
 /// An unrecorded push on the speed alone: its gain is recovered, that of the position is small, and the report has
 /// both. The truth lies in the intervals.
 #[test]
-fn what_pushes_the_dynamics_is_filtered() {
+fn process_noise_is_filtered() {
     let folder = folder(&format!("{RECIPE}[estimate]\nmethod = \"filter-error\"\n"));
     for seed in 0..5 {
         fs::write(folder.path().join(format!("run{seed}.csv")), spring(300, seed, 0.02)).expect("a log");
     }
     let report = fit(folder.path(), &["--json"]).ok().json();
-    for (own, truth) in report["parameters"].as_array().unwrap().iter().zip([4.0, 0.6, 2.0]) {
-        let [value, error] = ["value", "standard_error"].map(|key| own[key].as_f64().unwrap());
+    for (parameter, truth) in report["parameters"].as_array().unwrap().iter().zip([4.0, 0.6, 2.0]) {
+        let [value, error] = ["value", "standard_error"].map(|key| parameter[key].as_f64().unwrap());
         // Three parameters are beyond three deviations once in a hundred and twenty logs.
-        assert!((value - truth).abs() < 3.0 * error && error < 0.05, "{own}");
+        assert!((value - truth).abs() < 3.0 * error && error < 0.05, "{parameter}");
     }
     assert_eq!((report["method"].as_str(), report["converged"].as_bool()), (Some("filter-error"), Some(true)));
     let gains = report["gains"].as_array().unwrap();
@@ -131,33 +131,33 @@ fn what_pushes_the_dynamics_is_filtered() {
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
-    // Without what pushes a gain ends at 0 and the report says what that means; the flag goes before the recipe.
+    // Without process noise a gain ends at 0 and the report explains it; the flag goes before the recipe.
     fs::write(folder.path().join("run0.csv"), spring(300, 0, 0.0)).expect("a log");
     let calm =
         fleetfoot(folder.path(), &["fit", "parameters", "-c", "robot.toml", "run0.csv", "--folds", "0", "--json"]);
     let calm = calm.ok().json();
     let bound = calm["gains"].as_array().unwrap().iter().filter(|gain| gain["at_bound"] == true).count();
-    let told =
+    let warnings =
         calm["warnings"].as_array().unwrap().iter().filter(|text| text.as_str().unwrap().contains("at its bound 0"));
-    assert!(bound > 0 && told.count() == bound, "{calm}");
+    assert!(bound > 0 && warnings.count() == bound, "{calm}");
     let output = fit(folder.path(), &["--folds", "0", "--method", "output-error", "--json"]).ok().json();
     assert!(output["gains"].is_null() && output["method"] == "output-error", "{output}");
 }
 
 #[test]
-fn what_the_rows_do_not_tell_is_said() {
+fn undetermined_parameters_are_named() {
     let twice = RECIPE.replace("-k*x", "-k*b*x").replace("[parameters]", "[parameters]\nb = { initial = 1.0 }");
     let folder = folder(&twice);
-    let said = fit(folder.path(), &["--folds", "0"]).ok().out;
-    assert!(said.contains("do not determine `b`") && said.contains("do not determine `k`"), "{said}");
+    let text = fit(folder.path(), &["--folds", "0"]).ok().out;
+    assert!(text.contains("do not determine `b`") && text.contains("do not determine `k`"), "{text}");
     let fixed = twice.replace("b = { initial = 1.0 }", "b = { initial = 1.0, fixed = true }");
     fs::write(folder.path().join("robot.toml"), fixed).unwrap();
-    let said = fit(folder.path(), &["--folds", "0", "--method", "equation-error"]).ok().out;
-    assert!(said.contains("fixed") && !said.contains("do not determine"), "{said}");
+    let text = fit(folder.path(), &["--folds", "0", "--method", "equation-error"]).ok().out;
+    assert!(text.contains("fixed") && !text.contains("do not determine"), "{text}");
 }
 
 #[test]
-fn what_cannot_be_asked_is_refused_with_the_mend() {
+fn impossible_requests_are_refused_with_the_mend() {
     let folder = folder(RECIPE);
     let with = |from: &str, to: &str, options: &[&str], words: &[&str]| {
         fs::write(folder.path().join("robot.toml"), RECIPE.replace(from, to)).unwrap();
@@ -238,7 +238,7 @@ column = "t"
 "#;
 
 #[test]
-fn an_inertia_stays_positive_where_noise_would_have_it_else() {
+fn inertias_stay_positive_under_noise() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     let states = "[states]\nwx = { known = \"W11*tx + W12*ty + W13*tz - c*wx\" }\nwy = { known = \"W12*tx + W22*ty + W23*tz - c*wy\" }\nwz = { known = \"W13*tx + W23*ty + W33*tz - c*wz\" }\n";
@@ -263,41 +263,41 @@ fn an_inertia_stays_positive_where_noise_would_have_it_else() {
                 .concat();
         fleetfoot(path, &arguments).ok().json()
     };
-    let value = |found: &serde_json::Value, name: &str| -> f64 {
-        let all = found["parameters"].as_array().unwrap();
-        all.iter().find(|own| own["name"] == name).unwrap()["value"].as_f64().unwrap()
+    let value = |report: &serde_json::Value, name: &str| -> f64 {
+        let all = report["parameters"].as_array().unwrap();
+        all.iter().find(|parameter| parameter["name"] == name).unwrap()["value"].as_f64().unwrap()
     };
-    let matrix = |found: &serde_json::Value| -> [[f64; 3]; 3] {
-        let of = |i: usize, j: usize| value(found, &format!("W{}{}", i.min(j) + 1, i.max(j) + 1));
+    let matrix = |report: &serde_json::Value| -> [[f64; 3]; 3] {
+        let of = |i: usize, j: usize| value(report, &format!("W{}{}", i.min(j) + 1, i.max(j) + 1));
         [0, 1, 2].map(|i| [0, 1, 2].map(|j| of(i, j)))
     };
-    let away = |found: [[f64; 3]; 3]| -> f64 {
+    let away = |estimate: [[f64; 3]; 3]| -> f64 {
         let truth = mobility();
-        (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| (found[i][j] - truth[i][j]).powi(2)).sum()
+        (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| (estimate[i][j] - truth[i][j]).powi(2)).sum()
     };
     let (mut negative, mut nearer) = (0, 0);
     for seed in 1..7 {
         write("body.csv", bearing(300, seed));
         let free = run("free.toml", &[]);
-        let found = run("kept.toml", &[]);
-        let bound = least(matrix(&found));
-        assert!(bound >= 0.005 - 1e-12 && found["converged"] == true, "{bound} {found}");
-        let limit = &found["limits"][0];
+        let report = run("kept.toml", &[]);
+        let bound = least(matrix(&report));
+        assert!(bound >= 0.005 - 1e-12 && report["converged"] == true, "{bound} {report}");
+        let limit = &report["limits"][0];
         assert!((limit["nearest"].as_f64().unwrap() - (bound - 0.005)).abs() < 1e-9, "{limit}");
         assert!((limit["free_nearest"].as_f64().unwrap() - (least(matrix(&free)) - 0.005)).abs() < 1e-9, "{limit}");
-        let noise = |found: &serde_json::Value, key: &str| -> f64 {
-            found["noise"].as_array().unwrap().iter().map(|own| own[key].as_f64().unwrap().ln()).sum()
+        let noise = |report: &serde_json::Value, key: &str| -> f64 {
+            report["noise"].as_array().unwrap().iter().map(|channel| channel[key].as_f64().unwrap().ln()).sum()
         };
-        assert!((noise(&found, "free_deviation") - noise(&free, "deviation")).abs() < 1e-9);
+        assert!((noise(&report, "free_deviation") - noise(&free, "deviation")).abs() < 1e-9);
         if least(matrix(&free)) >= 0.005 {
             for name in ["W11", "W12", "W33", "c"] {
-                assert_eq!(value(&found, name), value(&free, name), "{seed} {name}");
+                assert_eq!(value(&report, name), value(&free, name), "{seed} {name}");
             }
             continue;
         }
         negative += usize::from(least(matrix(&free)) < 0.0);
-        nearer += usize::from(away(matrix(&found)) < away(matrix(&free)));
-        assert!(noise(&found, "deviation") > noise(&found, "free_deviation") && bound < 0.005 + 1e-6, "{bound}");
+        nearer += usize::from(away(matrix(&report)) < away(matrix(&free)));
+        assert!(noise(&report, "deviation") > noise(&report, "free_deviation") && bound < 0.005 + 1e-6, "{bound}");
         let other = run("factor.toml", &[]);
         let [a, b, d, e, f] = ["a", "b", "d", "e", "f"].map(|name| value(&other, name));
         let expected = [
@@ -311,7 +311,11 @@ fn an_inertia_stays_positive_where_noise_would_have_it_else() {
         ];
         for (name, expected) in expected {
             // Costs are known to 1e-13, places to its root.
-            assert!((value(&found, name) - expected).abs() < 1e-5, "{seed} {name}: {} {expected}", value(&found, name));
+            assert!(
+                (value(&report, name) - expected).abs() < 1e-5,
+                "{seed} {name}: {} {expected}",
+                value(&report, name)
+            );
         }
     }
     assert!(
@@ -320,8 +324,8 @@ fn an_inertia_stays_positive_where_noise_would_have_it_else() {
     );
     // Row by row, and by filter error.
     for method in ["equation-error", "filter-error"] {
-        let found = run("kept.toml", &["--method", method]);
-        assert!(least(matrix(&found)) >= 0.005 - 1e-12, "{method}: {found}");
+        let report = run("kept.toml", &["--method", method]);
+        assert!(least(matrix(&report)) >= 0.005 - 1e-12, "{method}: {report}");
     }
     let text =
         fleetfoot(path, &["fit", "parameters", "-c", "kept.toml", "body.csv", "-o", "text.json", "--folds=3"]).ok().out;

@@ -26,22 +26,22 @@ fn paths_that_pages_name_exist() {
         }
     }
     pages.sort();
-    let (mut found, mut missing) = (0, Vec::new());
+    let (mut count, mut missing) = (0, Vec::new());
     for page in &pages {
         let text = fs::read_to_string(root.join(page)).unwrap_or_else(|error| panic!("{}: {error}", page.display()));
         for (line, path) in paths(&text) {
-            found += 1;
+            count += 1;
             if !exists(&root, &path) {
                 missing.push(format!("{}:{line}: `{path}` does not exist", page.display()));
             }
         }
     }
-    assert!(found > 400, "only {found} paths were found in {} pages", pages.len());
+    assert!(count > 400, "only {count} paths were found in {} pages", pages.len());
     assert!(missing.is_empty(), "{} paths of pages are gone:\n{}", missing.len(), missing.join("\n"));
 }
 
 #[test]
-fn every_decision_has_its_parts_and_stands_in_the_index() {
+fn decisions_have_their_parts_and_index() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/decisions");
     let index = fs::read_to_string(folder.join("README.md")).expect("an index");
     let (mut numbers, mut problems) = (BTreeSet::new(), Vec::new());
@@ -69,12 +69,12 @@ fn every_decision_has_its_parts_and_stands_in_the_index() {
 }
 
 #[test]
-fn paths_are_told_from_other_code() {
+fn paths_differ_from_other_code() {
     let text = "See `stats/src/scan.rs`,\n`pwa`, `a/b`, `crates/py/build.rs` and `docs/`.\n```sh\nls `tests/none.rs`\n```\n`tests/peers/` `pwa/src/x.rs:12`";
-    let found: Vec<(usize, String)> = paths(text);
-    let wanted =
+    let listed: Vec<(usize, String)> = paths(text);
+    let expected =
         [(1, "stats/src/scan.rs"), (2, "crates/py/build.rs"), (2, "docs/"), (6, "tests/peers/"), (6, "pwa/src/x.rs")];
-    assert_eq!(found, wanted.map(|(line, path)| (line, path.to_owned())));
+    assert_eq!(listed, expected.map(|(line, path)| (line, path.to_owned())));
 }
 
 /// Returns true if a path exists, from the root or from the folder of crates.
@@ -84,17 +84,17 @@ fn exists(root: &Path, path: &str) -> bool {
 
 /// Paths between backticks of a page, with the line of each; blocks of code are left out.
 fn paths(text: &str) -> Vec<(usize, String)> {
-    let (mut found, mut fenced) = (Vec::new(), false);
+    let (mut listed, mut fenced) = (Vec::new(), false);
     for (number, line) in text.lines().enumerate() {
         if line.trim_start().starts_with("```") {
             fenced = !fenced;
         } else if !fenced {
             // Every other piece stands between backticks.
             let code = line.split('`').skip(1).step_by(2);
-            found.extend(code.filter_map(path).map(|path| (number + 1, path.to_owned())));
+            listed.extend(code.filter_map(path).map(|path| (number + 1, path.to_owned())));
         }
     }
-    found
+    listed
 }
 
 /// The path that a piece of code is, without the number of a line behind it.

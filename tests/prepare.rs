@@ -64,8 +64,8 @@ const PREPARE: [&str; 7] = ["prepare", "-c", "robot.toml", "run_0.csv", "run_1.c
 fn coefficient(model: &serde_json::Value, term: &str) -> f64 {
     let equations = model["regions"][0]["equations"].as_array().expect("equations");
     let terms = equations.iter().flat_map(|equation| equation["terms"].as_array().expect("terms"));
-    let found = terms.filter(|own| own["function"] == term).find_map(|own| own["coefficient"].as_f64());
-    found.unwrap_or_else(|| panic!("no term {term} in {model:#}"))
+    let value = terms.filter(|entry| entry["function"] == term).find_map(|entry| entry["coefficient"].as_f64());
+    value.unwrap_or_else(|| panic!("no term {term} in {model:#}"))
 }
 
 /// From positions alone, with gross errors in them, to the equation of the motion: `fit` takes the written recipe unchanged.
@@ -73,9 +73,9 @@ fn coefficient(model: &serde_json::Value, term: &str) -> f64 {
 fn the_written_recipe_fits_unchanged() {
     let folder = folder();
     let path = folder.path();
-    let said = fleetfoot(path, &[&PREPARE[..], &["--json"]].concat()).ok().json();
+    let report = fleetfoot(path, &[&PREPARE[..], &["--json"]].concat()).ok().json();
     let clipped = 2 * (0.2 / DT) as usize;
-    for episode in said["episodes"].as_array().expect("episodes") {
+    for episode in report["episodes"].as_array().expect("episodes") {
         assert_eq!(episode["clipped"], clipped);
         let channel = &episode["pieces"][0]["channels"][0];
         let rejected = &channel["rejected"];
@@ -96,26 +96,26 @@ fn the_written_recipe_fits_unchanged() {
     let recipe = fs::read_to_string(path.join("clean/robot.toml")).expect("a recipe");
     assert!(recipe.contains("smoothed = ") && recipe.contains("floor = \"wet\""), "{recipe}");
     let fit = ["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--json"];
-    let said = fleetfoot(path, &fit).ok();
-    let fitted = said.json();
+    let output = fleetfoot(path, &fit).ok();
+    let fitted = output.json();
     for (term, truth) in [("x", -4.0), ("x_dot", -0.6), ("u", 2.0)] {
-        let found = coefficient(&fitted, term);
+        let value = coefficient(&fitted, term);
         // Smoothing takes a little of the fastest motion away.
-        assert!((found - truth).abs() < 0.03 * truth.abs(), "{term}: {found}");
+        assert!((value - truth).abs() < 0.03 * truth.abs(), "{term}: {value}");
     }
-    let told = said.err.split("scatter about them by x ").nth(1).and_then(|rest| rest.split(' ').next());
-    let scatter: f64 = told.and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("{}", said.err));
+    let number = output.err.split("scatter about them by x ").nth(1).and_then(|rest| rest.split(' ').next());
+    let scatter: f64 = number.and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("{}", output.err));
     assert!((scatter / 0.00202 - 1.0).abs() < 0.05, "{scatter}");
     // A position's rate is known; the model simulates both, and what was measured is compared with its measurements.
-    let said = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
-    assert!(said.out.contains("raw RMSE x") && !said.out.contains("raw RMSE x_dot"), "{}", said.out);
+    let output = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
+    assert!(output.out.contains("raw RMSE x") && !output.out.contains("raw RMSE x_dot"), "{}", output.out);
     // Of a raw log the model knows no column: it must be prepared first.
     fleetfoot(path, &["score", "model.json", "run_0.csv"]).fails(&["there is no column", "fleetfoot prepare"]);
 }
 
 /// The same bytes on any number of threads, and no folder is overwritten unasked.
 #[test]
-fn threads_do_not_matter_and_folders_are_not_overwritten() {
+fn preparations_ignore_threads_and_keep_folders() {
     let folder = folder();
     let path = folder.path();
     fleetfoot(path, &[&PREPARE[..], &["--threads", "1"]].concat()).ok();
@@ -140,14 +140,14 @@ fn bounds_end_episodes() {
     fs::write(path.join("log.csv"), format!("t,x,u\n{}", rows.collect::<String>())).expect("a file");
     let recipe = "states = { x = {} }\ninputs = { u = \"u\" }\n[channels.x]\nbounds = [-2.0, 2.0]\nmethod = \"savitzky-golay\"\nwindow = 9\n";
     fs::write(path.join("robot.toml"), recipe).expect("a file");
-    let said = fleetfoot(path, &["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--json"]).ok().json();
-    let episode = &said["episodes"][0];
+    let report = fleetfoot(path, &["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--json"]).ok().json();
+    let episode = &report["episodes"][0];
     assert_eq!(episode["out_of_bounds"]["rows"], 21);
     assert_eq!(episode["too_short"]["rows"], 20);
     let rows: Vec<u64> =
         episode["pieces"].as_array().expect("pieces").iter().filter_map(|piece| piece["rows"].as_u64()).collect();
     assert_eq!(rows, [400, 559]);
-    assert_eq!(said["files"], serde_json::json!(["clean/log.clean.parquet", "clean/log-2.clean.parquet"]));
+    assert_eq!(report["files"], serde_json::json!(["clean/log.clean.parquet", "clean/log-2.clean.parquet"]));
     let info = fleetfoot(path, &["info", "clean/log-2.clean.parquet"]).ok().out;
     assert!(info.contains("x_dot") && info.contains("x_ddot") && !info.contains("deviation"), "{info}");
 }
@@ -156,7 +156,7 @@ fn bounds_end_episodes() {
 /// rate is better than a cubic one's by a third, and whose noise is estimated well. A state that noise pushes in every
 /// row is a cubic one.
 #[test]
-fn the_spline_is_the_one_that_a_state_is_like() {
+fn states_choose_the_order_of_splines() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     let (mut rate, mut pushed) = (0.0, 0.0);
@@ -172,19 +172,19 @@ fn the_spline_is_the_one_that_a_state_is_like() {
     fs::write(path.join("robot.toml"), "states = { smooth = {}, pushed = {} }\n").expect("a file");
     let of = |flags: &[&str]| {
         let run = ["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--force", "--json"];
-        let said = fleetfoot(path, &[&run[..], flags].concat()).ok().json();
-        let channels = said["episodes"][0]["pieces"][0]["channels"].as_array().expect("channels").clone();
+        let report = fleetfoot(path, &[&run[..], flags].concat()).ok().json();
+        let channels = report["episodes"][0]["pieces"][0]["channels"].as_array().expect("channels").clone();
         let file = [path.join("clean/log.clean.parquet")];
         let rows = read_rows(&Recipe::parse("", "test").unwrap(), None, &file, &Silent).unwrap();
         let column =
-            |name: &str| rows.columns.iter().find(|(own, _)| own.name == name).map(|(_, values)| values.clone());
+            |name: &str| rows.columns.iter().find(|(column, _)| column.name == name).map(|(_, values)| values.clone());
         let truth = |t: f64| 0.7 * (0.7 * t).cos() + 1.15 * (2.3 * t).cos();
         let rates = column("smooth_dot").expect("a rate");
         let squares = rates.iter().enumerate().map(|(row, rate)| (rate - truth(0.1 * row as f64)).powi(2)).sum::<f64>();
         (channels, (squares / rates.len() as f64).sqrt(), column("smooth_ddot").is_some())
     };
     let (channels, error, accelerates) = of(&[]);
-    let by_name = |name: &str| channels.iter().find(|own| own["channel"] == name).expect("a channel");
+    let by_name = |name: &str| channels.iter().find(|channel| channel["channel"] == name).expect("a channel");
     assert_eq!((&by_name("smooth")["method"], &by_name("pushed")["method"]), (&"quintic".into(), &"cubic".into()));
     assert!(!accelerates, "value and rate alone");
     // Uniform noise of 1.7 mm has a deviation of 0.98 mm.
@@ -192,18 +192,18 @@ fn the_spline_is_the_one_that_a_state_is_like() {
     assert!((noise_of(by_name("smooth")) - 1.0).abs() < 0.2, "{}", by_name("smooth"));
     let (cubic, by_cubic, _) = of(&["--method", "cubic"]);
     assert!(error < 0.75 * by_cubic, "{error} {by_cubic}");
-    // So far apart samples do not tell a cubic spline what is noise, and it says so.
+    // From samples so far apart a cubic spline cannot estimate the noise, and a note reports it.
     assert!(noise_of(&cubic[0]) < 0.5 || cubic[0]["through_all"] == true, "{}", cubic[0]);
     let run = ["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--force", "--lambda", "1e-3"];
-    let said = fleetfoot(path, &[&run[..], &["--json"]].concat()).ok().json();
-    assert_eq!(said["episodes"][0]["pieces"][0]["channels"][0]["method"], "cubic", "a number is a penalty of s^3");
+    let report = fleetfoot(path, &[&run[..], &["--json"]].concat()).ok().json();
+    assert_eq!(report["episodes"][0]["pieces"][0]["channels"][0]["method"], "cubic", "a number is a penalty of s^3");
     fleetfoot(path, &[&run[..], &["--method", "auto"]].concat()).fails(&["lambda", "s^5"]);
 }
 
 /// Notes name a burst of errors that are alike, and a stuck sensor, with the remedy; a preparation that fails leaves no
 /// folder.
 #[test]
-fn what_a_person_should_look_at_is_told() {
+fn suspicious_logs_get_notes() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     let write = |spoil: &dyn Fn(usize, f64) -> f64| {
@@ -214,12 +214,12 @@ fn what_a_person_should_look_at_is_told() {
         fs::write(path.join("log.csv"), format!("t,x\n{}", rows.collect::<String>())).expect("a file");
     };
     fs::write(path.join("robot.toml"), "states = { x = {} }\n").expect("a file");
-    let said = |flags: &[&str]| {
+    let prepare = |flags: &[&str]| {
         let run = ["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--force"];
         fleetfoot(path, &[&run[..], flags].concat())
     };
     write(&|row, x| if (1000..1030).contains(&row) { x + 0.5 } else { x });
-    let out = said(&[]).ok().out;
+    let out = prepare(&[]).ok().out;
     assert!(
         out.contains("up to 30 of 30 rejected values are consecutive: a burst") && out.contains("--reject 0"),
         "{out}"
@@ -232,21 +232,21 @@ fn what_a_person_should_look_at_is_told() {
         hung.get()
     };
     write(&hang);
-    let out = said(&[]).ok().out;
+    let out = prepare(&[]).ok().out;
     assert!(out.contains("200 values repeated before a jump") && out.contains("--stuck 5"), "{out}");
-    let out = said(&["--stuck", "5"]).ok().out;
+    let out = prepare(&["--stuck", "5"]).ok().out;
     assert!(!out.contains("repeated before a jump") && !out.contains("are consecutive"), "{out}");
-    // What rests has no noise, which is another thing than a curve that takes noise for motion.
+    // A sensor at rest has no noise; its curve does not take noise for motion.
     write(&|_, _| 1.5);
-    let out = said(&[]).ok().out;
+    let out = prepare(&[]).ok().out;
     assert!(out.contains("has no noise, is at rest") && !out.contains("interpolates every sample"), "{out}");
     fs::remove_dir_all(path.join("clean")).expect("a folder");
-    said(&["--min-rows", "5000"]).fails(&["long enough"]);
+    prepare(&["--min-rows", "5000"]).fails(&["long enough"]);
     assert!(!path.join("clean").exists());
 }
 
 #[test]
-fn what_cannot_be_prepared_is_told() {
+fn unpreparable_logs_are_refused() {
     let folder = folder();
     let path = folder.path();
     let with = |more: &str, flags: &[&str]| {
@@ -304,7 +304,7 @@ fn apart(folder: &Path, column: &str, truth: impl Fn(f64) -> f64) -> f64 {
     let names = [column.to_owned()];
     let rows = read_rows(&Recipe::default(), Some(&names), &[folder.join("clean/run.clean.parquet")], &Silent).unwrap();
     let truth = rows.stamps.iter().map(|stamp| truth((stamp - START) as f64 * 1e-9));
-    let squares: f64 = rows.columns[0].1.iter().zip(truth).map(|(found, truth)| (found - truth).powi(2)).sum();
+    let squares: f64 = rows.columns[0].1.iter().zip(truth).map(|(value, truth)| (value - truth).powi(2)).sum();
     (squares / rows.stamps.len() as f64).sqrt()
 }
 
@@ -317,30 +317,33 @@ fn prepared(folder: &Path, recipe: &str, flags: &[&str]) -> serde_json::Value {
 /// A state whose topic is slower than the rows is smoothed at its samples. The values that a join puts between two of
 /// them are no measurements, and the true ones no gross errors.
 #[test]
-fn a_slower_topic_is_smoothed_at_its_own_samples() {
+fn slow_topics_are_smoothed_at_their_samples() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     two_rates(&path.join("run.mcap"), 0.0);
-    let said = prepared(path, TWO_RATES, &[]);
-    let piece = &said["episodes"][0]["pieces"][0];
+    let report = prepared(path, TWO_RATES, &[]);
+    let piece = &report["episodes"][0]["pieces"][0];
     let (x, w) = (&piece["channels"][0], &piece["channels"][1]);
     assert_eq!((x["topic"].as_str(), w["topic"].as_str()), (Some("/camera"), None), "{piece:#}");
     assert_eq!((x["rejected"]["rows"].as_u64(), x["left_empty"]["rows"].as_u64()), (Some(0), Some(0)), "{x:#}");
     let (samples, rows) = (x["samples"].as_u64().unwrap_or(0), piece["rows"].as_u64().unwrap_or(0));
     assert!((1955..=1965).contains(&samples) && rows > 9700, "{samples} {rows}");
-    let found = x["noise"].as_f64().expect("a noise");
+    let noise = x["noise"].as_f64().expect("a noise");
     // Uniform noise of 1.7 mm has a deviation of 0.98 mm; a cubic spline, whose rate is a random walk and not as smooth as this motion, follows a tenth of it.
-    assert!((0.83e-3..1.0e-3).contains(&found), "{found}");
+    assert!((0.83e-3..1.0e-3).contains(&noise), "{noise}");
     // As the samples alone, smoothed from a table, have it: 0.60 mm and 0.050 m/s.
     let (value, rate) = (apart(path, "x", |t| swing(t)[0]), apart(path, "x_dot", |t| swing(t)[1]));
     assert!(value < 0.7e-3 && rate < 0.06, "{value} {rate}");
     // Told by the same random walk, deviations are on the safe side.
-    let told = (apart(path, "x_deviation", |_| 0.0), apart(path, "x_dot_deviation", |_| 0.0));
-    assert!((0.8..1.3).contains(&(told.0 / value)) && (1.0..2.5).contains(&(told.1 / rate)), "{told:?} {value} {rate}");
-    // Joined as the recipe tells, the corners of the join are what is smoothed.
+    let deviations = (apart(path, "x_deviation", |_| 0.0), apart(path, "x_dot_deviation", |_| 0.0));
+    assert!(
+        (0.8..1.3).contains(&(deviations.0 / value)) && (1.0..2.5).contains(&(deviations.1 / rate)),
+        "{deviations:?} {value} {rate}"
+    );
+    // With the join of the recipe, the spline smooths the corners of the join.
     let joined = format!("{TWO_RATES}[join]\n\"/camera.pose.position.*\" = \"linear\"\n");
-    let said = prepared(path, &joined, &[]);
-    assert!(said["episodes"][0]["pieces"][0]["channels"][0]["topic"].is_null());
+    let report = prepared(path, &joined, &[]);
+    assert!(report["episodes"][0]["pieces"][0]["channels"][0]["topic"].is_null());
 }
 
 /// Every method reads the curve of the slower topic off at the rows.
@@ -358,11 +361,11 @@ fn every_method_comes_to_the_rows() {
         (&["--method", "not-a-knot"], 1.2e-3, 0.3),
         (&["--method", "pchip"], 1.2e-3, 0.3),
     ] {
-        let said = prepared(path, TWO_RATES, flags);
-        let channel = &said["episodes"][0]["pieces"][0]["channels"][0];
+        let report = prepared(path, TWO_RATES, flags);
+        let channel = &report["episodes"][0]["pieces"][0]["channels"][0];
         assert_eq!(channel["method"], flags[1]);
-        let found = (apart(path, "x", |t| swing(t)[0]), apart(path, "x_dot", |t| swing(t)[1]));
-        assert!(found.0 < value && found.1 < rate, "{flags:?}: {found:?}");
+        let errors = (apart(path, "x", |t| swing(t)[0]), apart(path, "x_dot", |t| swing(t)[1]));
+        assert!(errors.0 < value && errors.1 < rate, "{flags:?}: {errors:?}");
     }
 }
 
@@ -375,9 +378,9 @@ fn a_pause_is_not_bridged() {
     two_rates(&path.join("run.mcap"), 7.3713);
     let late = TWO_RATES.replace("clip = 0.2", "clip = 0") + "[channels.x]\ndelay = 0.05\n";
     for flags in [&["--method", "cubic"][..], &["--method", "savitzky-golay"], &["--method", "pchip"]] {
-        let said = prepared(path, &late, flags);
-        let episodes = said["episodes"].as_array().expect("episodes");
-        assert_eq!(episodes.len(), 2, "{said:#}");
+        let report = prepared(path, &late, flags);
+        let episodes = report["episodes"].as_array().expect("episodes");
+        assert_eq!(episodes.len(), 2, "{report:#}");
         let [before, after] = [0, 1].map(|at| &episodes[at]["pieces"][0]["channels"][0]);
         assert_eq!((&before["topic"], &after["topic"]), (&"/camera".into(), &"/camera".into()));
         let empty = |channel: &serde_json::Value| channel["left_empty"]["rows"].as_u64().expect("a count");
@@ -385,26 +388,27 @@ fn a_pause_is_not_bridged() {
         // Of the filter its window, 11 samples of a period that no pause is part of.
         let smoothed = |channel: &serde_json::Value| channel["smoothed"].as_f64().expect("seconds");
         let window = 0.11;
-        let is_own = |channel| flags[1] != "savitzky-golay" || (smoothed(channel) / window - 1.0).abs() < 1e-6;
-        assert!(is_own(before) && is_own(after), "{before:#} {after:#}");
+        let has_filter_window =
+            |channel| flags[1] != "savitzky-golay" || (smoothed(channel) / window - 1.0).abs() < 1e-6;
+        assert!(has_filter_window(before) && has_filter_window(after), "{before:#} {after:#}");
     }
 }
 
 /// The mean of the last 20 ms is late by 10 ms; with that setting the curve belongs to its stamps.
 #[test]
-fn a_mean_is_late_by_half_its_window() {
+fn means_are_late_by_half_their_window() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     two_rates(&path.join("run.mcap"), 0.0);
     prepared(path, TWO_RATES, &[]);
     let late = apart(path, "w", |t| swing(t)[1]);
-    let told = format!("{TWO_RATES}[channels.w]\naverage = 0.02\n");
-    prepared(path, &told, &[]);
-    let found = apart(path, "w", |t| swing(t)[1]);
-    // What is left is what a mean takes from a motion of 9 rad/s, 0.13 % of 1.8, and the noise of the curve.
-    assert!(late > 0.1 && found < 4e-3, "{late} {found}");
+    let recipe = format!("{TWO_RATES}[channels.w]\naverage = 0.02\n");
+    prepared(path, &recipe, &[]);
+    let averaged = apart(path, "w", |t| swing(t)[1]);
+    // The mean takes 0.13 % of 1.8 from a motion of 9 rad/s; the rest is the noise of the curve.
+    assert!(late > 0.1 && averaged < 4e-3, "{late} {averaged}");
     let delayed = format!("{TWO_RATES}[channels.w]\ndelay = 0.01\n");
     prepared(path, &delayed, &[]);
     let other = apart(path, "w", |t| swing(t)[1]);
-    assert_eq!(found.to_bits(), other.to_bits());
+    assert_eq!(averaged.to_bits(), other.to_bits());
 }

@@ -40,23 +40,23 @@ fn folder(files: &[(&str, String)]) -> tempfile::TempDir {
 
 const SURFACE: [&str; 7] = ["surface.csv", "--predict", "y", "--inputs", "x,z", "--dt", "1"];
 
-fn fit(folder: &Path, method: &str, options: &[&str]) -> Said {
+fn fit(folder: &Path, method: &str, options: &[&str]) -> Run {
     fleetfoot(folder, &[&["fit", method], &SURFACE[..], options].concat())
 }
 
 #[test]
-fn a_surface_is_fitted_that_no_plane_is() {
+fn curved_surfaces_are_fitted() {
     let folder = folder(&[("surface.csv", surface(1500))]);
     let pwa = |options: &[&str]| {
-        let found = fit(folder.path(), "pwa", &[&["--partition", "average", "--json"], options].concat()).ok().json();
-        found["candidates"][0]["r2"][0].as_f64().expect("R2")
+        let report = fit(folder.path(), "pwa", &[&["--partition", "average", "--json"], options].concat()).ok().json();
+        report["candidates"][0]["r2"][0].as_f64().expect("R2")
     };
     let (plane, radial) = (pwa(&[]), pwa(&["--radial", "20", "-o", "pwa.json"]));
     assert!(plane < 0.4 && radial > 0.97, "{plane} {radial}");
     let sindy = |options: &[&str]| {
-        let found = fit(folder.path(), "sindy", &[&["--json"], options].concat()).ok().json();
-        let equation = found["regions"][0]["equations"][0].clone();
-        (equation["r2"].as_f64().expect("R2"), found["candidates"].clone())
+        let report = fit(folder.path(), "sindy", &[&["--json"], options].concat()).ok().json();
+        let equation = report["regions"][0]["equations"][0].clone();
+        (equation["r2"].as_f64().expect("R2"), report["candidates"].clone())
     };
     let (plane, _) = sindy(&["--degree", "1"]);
     let (radial, candidates) = sindy(&["--radial", "20", "-o", "sindy.json"]);
@@ -83,7 +83,7 @@ fn a_surface_is_fitted_that_no_plane_is() {
 }
 
 #[test]
-fn regions_have_weights_of_their_own_and_threads_change_nothing() {
+fn regions_have_their_weights_on_any_threads() {
     let folder = folder(&[("surface.csv", surface(1200))]);
     for (method, more) in [("pwa", "-p"), ("sindy", "--partition")] {
         let mut files = Vec::new();
@@ -110,8 +110,8 @@ fn from_logs_to_rollouts_and_to_code() {
     run(&[&fit[..], &["-o", "line.json"]].concat());
     run(&[&fit[..], &["--radial", "20", "-o", "radial.json"]].concat());
     let simulated = |model: &str| {
-        let found = run(&["rollout", model, "run3.csv", "--horizon", "100", "--json"]).json();
-        found["model"]["summary"]["average"]["value"].as_f64().expect("an error")
+        let report = run(&["rollout", model, "run3.csv", "--horizon", "100", "--json"]).json();
+        report["model"]["summary"]["average"]["value"].as_f64().expect("an error")
     };
     let (line, radial) = (simulated("line.json"), simulated("radial.json"));
     assert!(radial < 0.5 * line, "{radial} {line}");
@@ -140,13 +140,13 @@ fn from_logs_to_rollouts_and_to_code() {
 }
 
 #[test]
-fn what_cannot_be_had_is_said() {
+fn impossible_radial_functions_are_refused() {
     let folder = folder(&[("surface.csv", surface(60)), ("run.csv", pendulum(300, 1.0))]);
     for method in ["pwa", "sindy"] {
-        let said = |options: &[&str]| fit(folder.path(), method, options);
-        said(&["--radial", "0"]).fails(&["[library] radial = 0 (--radial 0)", "from 1 to 2000"]);
-        said(&["--radial", "2001"]).fails(&["--radial 2001", "from 1 to 2000"]);
-        said(&["--radial", "80"]).fails(&["--radial 80", "60 complete rows", "give a smaller number"]);
+        let attempt = |options: &[&str]| fit(folder.path(), method, options);
+        attempt(&["--radial", "0"]).fails(&["[library] radial = 0 (--radial 0)", "from 1 to 2000"]);
+        attempt(&["--radial", "2001"]).fails(&["--radial 2001", "from 1 to 2000"]);
+        attempt(&["--radial", "80"]).fails(&["--radial 80", "60 complete rows", "give a smaller number"]);
         let text =
             ["fit", method, "surface.csv", "--predict", "y", "--inputs", "x,ground", "--dt", "1", "--radial", "5"];
         fleetfoot(folder.path(), &text).fails(&["ground", "text"]);
@@ -172,7 +172,7 @@ fn what_cannot_be_had_is_said() {
 
 /// A radial function has no unit, so that its coefficient has that of the left side.
 #[test]
-fn weights_have_the_unit_of_the_left_side() {
+fn weights_have_units_of_the_left_side() {
     let recipe = "[states]\nq = { unit = \"rad\" }\nv = { unit = \"rad/s\" }\n[library]\nradial = 8\n";
     let folder = folder(&[("run.csv", pendulum(400, 2.6)), ("r.toml", recipe.into())]);
     let fit = ["fit", "sindy", "-c", "r.toml", "run.csv", "--smooth-states", "off", "--json"];

@@ -74,81 +74,81 @@ fn score(path: &Path, data: &str) -> Value {
 fn errors(score: &Value) -> Vec<[f64; 2]> {
     let number = |value: &Value| value.as_f64().expect("a number");
     let targets = score["targets"].as_array().expect("targets");
-    targets.iter().map(|own| [number(&own["rmse"]), number(&own["raw"]["rmse"])]).collect()
+    targets.iter().map(|target| [number(&target["rmse"]), number(&target["raw"]["rmse"])]).collect()
 }
 
 fn notes(report: &Value) -> String {
     report["notes"].to_string()
 }
 
-/// Of rows that a curve of few degrees of freedom smooths, measurements scatter by their noise, whatever the error of the model is.
+/// Smoothed measurements scatter by their noise, whatever the error of the model is.
 #[test]
-fn errors_against_measurements_have_the_noise_in_them() {
+fn raw_errors_include_measurement_noise() {
     let folder = folder();
     let path = folder.path();
     for data in ["clean", "other"] {
-        let said = score(path, data);
-        assert!(notes(&said).contains("errors called raw are against the measurements"), "{}", notes(&said));
-        assert!(!notes(&said).contains("scatter about them"), "{}", notes(&said));
-        for ([smooth, raw], noise) in errors(&said).into_iter().zip(NOISE) {
+        let scores = score(path, data);
+        assert!(notes(&scores).contains("errors called raw are against the measurements"), "{}", notes(&scores));
+        assert!(!notes(&scores).contains("scatter about them"), "{}", notes(&scores));
+        for ([smooth, raw], noise) in errors(&scores).into_iter().zip(NOISE) {
             let expected = smooth.hypot(noise);
             // The curve follows some hundredths of the noise; its deviation is known from 2,000 rows and more to 1/sqrt(4000).
             assert!((raw / expected - 1.0).abs() < 0.04, "{data}: {smooth} {raw} {noise}");
         }
         let flags = ["--horizon", "60", "--starts", "300", "--json"];
-        let said = fleetfoot(path, &[&["rollout", "model.json", data][..], &flags].concat()).ok().json();
+        let report = fleetfoot(path, &[&["rollout", "model.json", data][..], &flags].concat()).ok().json();
         let mean = |curve: &Value, state: usize| {
             let steps = curve["rmse"].as_array().expect("steps");
             let squares: f64 = steps.iter().filter_map(|step| step[state].as_f64()).map(|rmse| rmse * rmse).sum();
             squares / steps.len() as f64
         };
         for (state, noise) in NOISE.into_iter().enumerate() {
-            let (smooth, raw) = (mean(&said["model"], state), mean(&said["raw"], state));
+            let (smooth, raw) = (mean(&report["model"], state), mean(&report["raw"], state));
             assert!((raw / (smooth + noise * noise) - 1.0).abs() < 0.08, "{data} {state}: {smooth} {raw}");
             // The model of another spring errs by more than the noise.
             assert_eq!(smooth > noise * noise, data == "other", "{data} {state}: {smooth}");
         }
     }
-    let said = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "5"]).ok().out;
-    assert!(said.contains("raw RMSE x") && said.contains("raw RMSE v"), "{said}");
+    let text = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "5"]).ok().out;
+    assert!(text.contains("raw RMSE x") && text.contains("raw RMSE v"), "{text}");
     assert!(fleetfoot(path, &["score", "model.json", "clean"]).ok().out.contains("raw RMSE"));
     // Raw rows have no others behind them.
-    let said = score(path, "raw/run_0.csv");
-    assert!(said["targets"][0].get("raw").is_none() && !notes(&said).contains("raw"), "{said}");
+    let scores = score(path, "raw/run_0.csv");
+    assert!(scores["targets"][0].get("raw").is_none() && !notes(&scores).contains("raw"), "{scores}");
 }
 
 #[test]
-fn a_raw_log_that_is_gone_or_another_one_is_told() {
+fn missing_and_changed_raw_logs_are_named() {
     let folder = folder();
     let path = folder.path();
     let all = errors(&score(path, "clean"));
     // Both folders move together: the way from one to the other is the same.
     fs::create_dir(path.join("away")).expect("a folder");
     fs::rename(path.join("raw"), path.join("away/raw")).expect("a move");
-    let said = score(path, "clean");
-    assert!(said["targets"][0].get("raw").is_none());
+    let scores = score(path, "clean");
+    assert!(scores["targets"][0].get("raw").is_none());
     assert!(
-        notes(&said).contains("errors are against smoothed values only")
-            && notes(&said).contains("raw/run_0.csv and is not there")
-            && notes(&said).contains("(and 1 more)")
-            && notes(&said).contains("scatter about them"),
+        notes(&scores).contains("errors are against smoothed values only")
+            && notes(&scores).contains("raw/run_0.csv and is not there")
+            && notes(&scores).contains("(and 1 more)")
+            && notes(&scores).contains("scatter about them"),
         "{}",
-        notes(&said)
+        notes(&scores)
     );
     fs::rename(path.join("clean"), path.join("away/clean")).expect("a move");
     assert_eq!(errors(&score(path, "away/clean")), all);
     // One of two logs has changed: the other one is compared.
     let log = path.join("away/raw/run_1.csv");
     fs::write(&log, fs::read_to_string(&log).expect("a file") + "20.00,0,0,0\n").expect("a file");
-    let said = score(path, "away/clean");
-    assert!(errors(&said)[0][1] > 0.9 * NOISE[0]);
+    let scores = score(path, "away/clean");
+    assert!(errors(&scores)[0][1] > 0.9 * NOISE[0]);
     assert!(
-        notes(&said).contains("of some logs errors are against smoothed values only")
-            && notes(&said).contains("run_1.csv has changed since; prepare the raw log again"),
+        notes(&scores).contains("of some logs errors are against smoothed values only")
+            && notes(&scores).contains("run_1.csv has changed since; prepare the raw log again"),
         "{}",
-        notes(&said)
+        notes(&scores)
     );
-    assert!(said["targets"][0]["raw"]["rows"].as_u64() < said["rows"].as_u64());
+    assert!(scores["targets"][0]["raw"]["rows"].as_u64() < scores["rows"].as_u64());
 }
 
 /// A value that `prepare` rejected is no measurement, and a pause has none.
@@ -165,17 +165,17 @@ fn gross_errors_and_gaps_are_no_measurements() {
     fleetfoot(path, &["prepare", "-c", "robot.toml", "log.csv", "-o", "clean"]).ok();
     fleetfoot(path, &["fit", "pwa", "-c", "clean/robot.toml", "clean", "--partition", "kmeans:1", "-o", "model.json"])
         .ok();
-    let said = score(path, "clean");
-    let [[_, raw], _] = errors(&said)[..] else { panic!("two targets") };
+    let scores = score(path, "clean");
+    let [[_, raw], _] = errors(&scores)[..] else { panic!("two targets") };
     assert!((raw / NOISE[0] - 1.0).abs() < 0.05, "{raw}");
-    let (raw, all) = (said["targets"][0]["raw"]["rows"].as_u64(), said["rows"].as_u64());
+    let (raw, all) = (scores["targets"][0]["raw"]["rows"].as_u64(), scores["rows"].as_u64());
     let left_out = all.zip(raw).map_or(0, |(all, raw)| all - raw) as usize;
     assert!((wrong.len() - 1..wrong.len() + 4).contains(&left_out), "{left_out} of {}", wrong.len());
 }
 
-/// A topic that is slower than the rows is measured at its own samples, of which no row is beyond a pause.
+/// The samples of a topic that is slower than the rows are compared where they stand; no row lies beyond a pause.
 #[test]
-fn a_slower_topic_is_compared_at_its_own_samples() {
+fn slow_topics_are_compared_at_their_samples() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     two_rates(&path.join("run.mcap"), 4.0);
@@ -185,21 +185,21 @@ fn a_slower_topic_is_compared_at_its_own_samples() {
     fleetfoot(path, &["prepare", "-c", "robot.toml", "run.mcap", "-o", "clean"]).ok();
     fleetfoot(path, &["fit", "pwa", "-c", "clean/robot.toml", "clean", "--partition", "kmeans:1", "-o", "model.json"])
         .ok();
-    let said = score(path, "clean");
-    let [[x, raw_x], [w, raw_w]] = errors(&said)[..] else { panic!("two targets") };
+    let scores = score(path, "clean");
+    let [[x, raw_x], [w, raw_w]] = errors(&scores)[..] else { panic!("two targets") };
     // Rows lie at 0.13, 0.33, ... of the way between two samples, whose line has 0.66 of the variance of their noise: uniform, of 1.7 mm, which a cubic spline follows by a tenth.
     let line = 1.7e-3 / 3f64.sqrt() * 0.66f64.sqrt();
     assert!((0.8..1.1).contains(&(raw_x / x.hypot(line))), "{x} {raw_x} {line}");
     // The rate is late by half of its window; without that it would be off by 0.01 s of 16 rad/s^2.
     assert!((0.9..1.1).contains(&(raw_w / w.hypot(0.003 / 3f64.sqrt()))), "{w} {raw_w}");
-    for target in said["targets"].as_array().expect("targets") {
-        assert!(target["raw"]["rows"].as_u64().unwrap_or(0) + 20 > said["rows"].as_u64().unwrap_or(0), "{target}");
+    for target in scores["targets"].as_array().expect("targets") {
+        assert!(target["raw"]["rows"].as_u64().unwrap_or(0) + 20 > scores["rows"].as_u64().unwrap_or(0), "{target}");
     }
 }
 
 /// The files of a run are one raw log, and every one of them is read.
 #[test]
-fn files_of_a_run_are_one_raw_log() {
+fn files_of_a_run_are_one_log() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     let rows = swing(7, 4.0);
@@ -220,11 +220,11 @@ fn files_of_a_run_are_one_raw_log() {
         .filter(|name| name.ends_with(".parquet"))
         .collect();
     assert_eq!(names.len(), 2, "{names:?}");
-    let told: BTreeMap<String, String> =
+    let metadata: BTreeMap<String, String> =
         fleetfoot::log::metadata(path.join("clean").join(&names[0])).expect("metadata");
-    let raw: Value = serde_json::from_str(&told["fleetfoot.raw"]).expect("JSON");
+    let raw: Value = serde_json::from_str(&metadata["fleetfoot.raw"]).expect("JSON");
     let files: Vec<&str> =
-        raw["files"].as_array().expect("files").iter().filter_map(|own| own["path"].as_str()).collect();
+        raw["files"].as_array().expect("files").iter().filter_map(|file| file["path"].as_str()).collect();
     assert!(files.len() == 2 && files[0].starts_with("../runs/") && files[0].ends_with("encoder.csv"), "{raw}");
     fleetfoot(path, &["fit", "pwa", "-c", "clean/robot.toml", "clean", "--partition", "kmeans:1", "-o", "model.json"])
         .ok();
@@ -232,7 +232,7 @@ fn files_of_a_run_are_one_raw_log() {
         assert!((raw / smooth.hypot(noise) - 1.0).abs() < 0.04, "{smooth} {raw} {noise}");
     }
     fs::remove_file(path.join("runs/b/drive.csv")).expect("a file");
-    let said = score(path, "clean");
-    assert!(notes(&said).contains("runs/b/drive.csv and is not there"), "{}", notes(&said));
-    assert!(errors(&said)[0][1] > 0.9 * NOISE[0]);
+    let scores = score(path, "clean");
+    assert!(notes(&scores).contains("runs/b/drive.csv and is not there"), "{}", notes(&scores));
+    assert!(errors(&scores)[0][1] > 0.9 * NOISE[0]);
 }

@@ -30,7 +30,7 @@ fn last_over_best_baseline(rollout: &serde_json::Value) -> f64 {
 }
 
 #[test]
-fn hybrid_robot_with_given_regions_is_recovered_exactly() {
+fn hybrid_robots_are_recovered_exactly() {
     let Some(file) = data("hybrid-diff-drive.csv") else { return };
     let folder = tempfile::tempdir().unwrap();
     let recipe = "[states]\nx = { derivative = \"dx\", regressor = false }\nphi = { derivative = \"dphi\", regressor = false }\n\
@@ -58,8 +58,8 @@ fn hybrid_robot_with_given_regions_is_recovered_exactly() {
             let latent = &model["latents"][latent];
             assert!((value(latent, &format!("/constants/{region}")) - constant).abs() < 1e-9);
             for (j, coefficient) in coefficients.iter().enumerate() {
-                let found = value(latent, &format!("/coefficients/{region}/{j}"));
-                assert!((found - coefficient).abs() < 1e-9, "{found} {coefficient}");
+                let estimate = value(latent, &format!("/coefficients/{region}/{j}"));
+                assert!((estimate - coefficient).abs() < 1e-9, "{estimate} {coefficient}");
             }
         }
     }
@@ -137,9 +137,9 @@ fn published_parameters_of_the_positioning_system() {
         [("qm_ddot", 95.1089, 1e-4), ("qm_dot", 203.5034, 3e-3), ("direction", 20.3935, 4e-3), ("1", -3.1648, 0.01)];
     for (name, published, tolerance) in published {
         let term = terms.iter().find(|term| term["function"] == name).unwrap_or_else(|| panic!("{fitted:#}"));
-        let (found, error) = (value(term, "/coefficient"), value(term, "/standard_error"));
-        assert!((found / published - 1.0).abs() < tolerance, "{name}: {found} {published}");
-        assert!((found - published).abs() < 0.2 * error, "{name}: {found} +- {error} {published}");
+        let (estimate, error) = (value(term, "/coefficient"), value(term, "/standard_error"));
+        assert!((estimate / published - 1.0).abs() < tolerance, "{name}: {estimate} {published}");
+        assert!((estimate - published).abs() < 0.2 * error, "{name}: {estimate} +- {error} {published}");
     }
 }
 
@@ -264,7 +264,7 @@ fn quadrotor_on_the_bench() {
 
 /// A wheeled robot's ROS 2 log: odometry, with headers in simulated seconds and log times of 2026.
 #[test]
-fn turtlebot_from_its_own_log() {
+fn turtlebot_logs_are_identified() {
     let Some(file) = data("mcap/nav2_turtlebot.mcap") else { return };
     let folder = tempfile::tempdir().unwrap();
     let file = file.to_str().unwrap();
@@ -273,9 +273,9 @@ fn turtlebot_from_its_own_log() {
     let counts: Vec<_> = info[0]["topics"].as_array().unwrap().iter().map(|topic| topic["messages"].as_u64()).collect();
     assert_eq!(counts, [Some(135), Some(2639), Some(5422), Some(1)]);
 
-    // What the starter offers for an odometry is a recipe once it is uncommented.
+    // The starter's recipe for an odometry is complete once it is uncommented.
     let starter = run(&["init", file]).out;
-    let wanted = ["x =", "y =", "yaw =", "v =", "w ="];
+    let states = ["x =", "y =", "yaw =", "v =", "w ="];
     let mut section = String::new();
     let recipe: String = starter
         .lines()
@@ -284,7 +284,7 @@ fn turtlebot_from_its_own_log() {
                 section = line.to_owned();
             }
             let rest = line.strip_prefix("# ").unwrap_or(line);
-            let taken = wanted.iter().any(|name| rest.starts_with(name))
+            let taken = states.iter().any(|name| rest.starts_with(name))
                 && (section.starts_with("# /odom ") || !rest.contains("\"/") && !rest.contains("(/"));
             format!("{}\n", if taken { rest } else { line })
         })
@@ -320,7 +320,7 @@ fn turtlebot_from_its_own_log() {
     let written = run(&["info", "r.mcap", "--json"]).json();
     let start = |info: &serde_json::Value, topic: &str| {
         let topics = info[0]["topics"].as_array().unwrap();
-        topics.iter().find(|own| own["name"] == topic).unwrap()["start"].as_i64().unwrap()
+        topics.iter().find(|entry| entry["name"] == topic).unwrap()["start"].as_i64().unwrap()
     };
     let apart = start(&written, "/fleetfoot/rollout/0") - start(&info, "/odom");
     assert!((0..2_000_000_000).contains(&apart), "{apart} ns");
@@ -352,7 +352,7 @@ fn odd_logs_are_read_or_refused() {
 
 /// The draft for a flight of PX4: the attitude as angles, the rates of turn, and the controls; it fits as it is.
 #[test]
-fn a_flight_has_a_draft_with_its_attitude() {
+fn drafts_of_flights_have_an_attitude() {
     let Some(file) = data("ulog/sample_log_small.ulg") else { return };
     let folder = tempfile::tempdir().unwrap();
     let file = file.to_str().unwrap();

@@ -8,48 +8,49 @@ use crate::{closed_loop::fitted, runner::*};
 fn last(text: &str, column: &str) -> Vec<f64> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
-    let place = |name: &str| header.iter().position(|own| *own == name).unwrap_or_else(|| panic!("{name}: {header:?}"));
+    let place =
+        |name: &str| header.iter().position(|field| *field == name).unwrap_or_else(|| panic!("{name}: {header:?}"));
     let (trajectory, value) = (place("trajectory"), place(column));
-    let mut found: Vec<f64> = Vec::new();
+    let mut values: Vec<f64> = Vec::new();
     for line in lines {
         let cells: Vec<&str> = line.split(',').collect();
         let (index, value) =
             (cells[trajectory].parse::<usize>().expect("an index"), cells[value].parse().expect("a number"));
-        if index == found.len() { found.push(value) } else { found[index] = value }
+        if index == values.len() { values.push(value) } else { values[index] = value }
     }
-    found
+    values
 }
 
 #[test]
-fn a_model_is_brought_to_its_place_on_any_number_of_threads() {
+fn models_reach_their_set_point() {
     let folder = fitted();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let made = run(&["control", "lqr", "model.json", "--setpoint", "x=0,y=0", "-o", "stay.json", "--json"]).ok().json();
     // The belt moves at 0.25 m/s: so does the robot, straight ahead.
     for (name, value) in [("x", 0.0), ("y", 0.0), ("yaw", 0.0), ("vx", 0.25), ("w", 0.0)] {
-        let found = made["setpoint"]["states"][name].as_f64().expect("a number");
-        assert!((found - value).abs() < 1e-9, "{name} {found}");
+        let setpoint = made["setpoint"]["states"][name].as_f64().expect("a number");
+        assert!((setpoint - value).abs() < 1e-9, "{name} {setpoint}");
     }
     assert!(made["regions"][0]["radius"].as_f64().expect("a radius") < 1.0 && made["setpoint"]["at_rest"] == true);
     assert_eq!((&made["format"], &made["kind"]), (&serde_json::json!(2), &serde_json::json!("lqr")));
     let closed = |threads: &str, output: &str| {
         let arguments = ["rollout", "model.json", "run_2.csv", "--starts", "9", "--horizon", "2500", "--controller"];
         let more = ["stay.json", "--threads", threads, "--json", "-o", output];
-        let told = run(&[&arguments[..], &more].concat()).ok().json();
-        assert_eq!(told["driven_inputs"], serde_json::json!(["u_v", "u_w"]));
-        (told, fs::read_to_string(folder.path().join(output)).expect("trajectories"))
+        let report = run(&[&arguments[..], &more].concat()).ok().json();
+        assert_eq!(report["driven_inputs"], serde_json::json!(["u_v", "u_w"]));
+        (report, fs::read_to_string(folder.path().join(output)).expect("trajectories"))
     };
-    let (told, text) = closed("1", "1.csv");
+    let (report, text) = closed("1", "1.csv");
     for threads in ["2", "7"] {
         let (other, same) = closed(threads, &format!("{threads}.csv"));
-        assert!(other == told && same == text, "{threads} threads");
+        assert!(other == report && same == text, "{threads} threads");
     }
     // Five seconds from within some centimetres; errors decay within about one.
     for (column, room) in [("x", 0.01), ("y", 0.05), ("yaw", 0.1)] {
         let last = last(&text, column);
         assert!(last.len() == 9 && last.iter().all(|value| value.abs() < room), "{column}: {last:?}");
     }
-    // What has been asked for stands in the model's recipe, or in another, as well; a flag stands above it.
+    // The settings may stand in the model's recipe, or in another; a flag overrides both.
     let recipe = fs::read_to_string(folder.path().join("robot.toml")).expect("a recipe");
     fs::write(folder.path().join("place.toml"), recipe + "\n[control]\nsetpoint = \"x=0,y=0\"\nfree = \"y\"\n")
         .unwrap();
@@ -68,25 +69,28 @@ fn a_model_is_brought_to_its_place_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_controller_becomes_code_and_damage_is_seen() {
+fn controllers_become_code_and_detect_damage() {
     let folder = fitted();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     run(&["control", "lqr", "model.json", "--setpoint", "x=0,y=0", "--integral", "x=1", "-o", "stay.json"]).ok();
-    let told = run(&["export", "stay.json", "--to", "c", "--prefix", "stay", "-o", "src", "--json"]).ok().json();
-    assert!(told["compared"].as_u64().expect("points") >= 24, "{told}");
+    let report = run(&["export", "stay.json", "--to", "c", "--prefix", "stay", "-o", "src", "--json"]).ok().json();
+    assert!(report["compared"].as_u64().expect("points") >= 24, "{report}");
     let header = fs::read_to_string(folder.path().join("src/stay.h")).expect("a header");
     assert!(header.contains("STAY_STATE_INTEGRAL_X") && header.contains("regulator of"), "{header}");
 
     // Shown, it has all gains of the file, and what it commands.
     let shown = run(&["show", "stay.json"]).ok().out;
-    for wanted in ["linear-quadratic regulator", "commands every 2.000 ms: u_v, u_w", "set point: x = 0", "u_v/yaw"] {
-        assert!(shown.contains(wanted), "{wanted}: {shown}");
+    for expected in ["linear-quadratic regulator", "commands every 2.000 ms: u_v, u_w", "set point: x = 0", "u_v/yaw"] {
+        assert!(shown.contains(expected), "{expected}: {shown}");
     }
     assert!(shown.contains("u_v/integral of x") && shown.contains("radius: factor"), "{shown}");
-    let told = run(&["show", "stay.json", "--json"]).ok().json();
+    let report = run(&["show", "stay.json", "--json"]).ok().json();
     let file: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("stay.json")).expect("a controller")).unwrap();
-    assert!(told["law"] == file["controller"]["law"] && told["regions"] == file["controller"]["regions"], "{told}");
+    assert!(
+        report["law"] == file["controller"]["law"] && report["regions"] == file["controller"]["regions"],
+        "{report}"
+    );
     run(&["show", "stay.json", "--transitions"]).fails(&["stay.json", "no transitions"]);
 
     let text = fs::read_to_string(folder.path().join("stay.json")).expect("a controller");
@@ -105,7 +109,7 @@ fn a_controller_becomes_code_and_damage_is_seen() {
 }
 
 #[test]
-fn what_cannot_be_kept_is_said() {
+fn impossible_regulators_are_refused() {
     let folder = fitted();
     let lqr = |more: &[&str]| fleetfoot(folder.path(), &[&["control", "lqr", "model.json"], more].concat());
     // At a standstill nothing moves it sideways.

@@ -104,7 +104,7 @@ fn rolled(folder: &Path, model: &str, more: &[&str]) -> (serde_json::Value, Vec<
 }
 
 #[test]
-fn an_alias_and_its_text_are_rolled_out_alike() {
+fn aliases_roll_out_like_their_text() {
     for partition in ["average", "kmeans:2"] {
         let folder = craft_models(partition);
         for method in ["euler", "rk4"] {
@@ -112,7 +112,7 @@ fn an_alias_and_its_text_are_rolled_out_alike() {
             let (inlined, _) = rolled(folder.path(), "inlined.json", &["--method", method]);
             assert_eq!(aliased["model"], inlined["model"], "{partition} {method}");
             assert_eq!(aliased["states"], serde_json::json!(["z", "v", "pitch", "w"]));
-            // Nothing of what follows from the states is taken from the recording.
+            // Functions of the states are not taken from the recording.
             for report in [&aliased, &inlined] {
                 assert_eq!(report["replayed"], serde_json::json!(["u", "wind"]), "{partition} {method}");
             }
@@ -120,13 +120,13 @@ fn an_alias_and_its_text_are_rolled_out_alike() {
             let error = aliased["model"]["rmse"][299][1].as_f64().unwrap();
             assert!(method != "euler" || error < 1e-6, "{partition}: {error:e}");
         }
-        let said = fleetfoot(folder.path(), &["rollout", "aliased.json", "test.csv", "--horizon", "20"]).ok();
-        assert!(said.out.contains("replayed from the recording: u, wind"), "{}", said.out);
+        let output = fleetfoot(folder.path(), &["rollout", "aliased.json", "test.csv", "--horizon", "20"]).ok();
+        assert!(output.out.contains("replayed from the recording: u, wind"), "{}", output.out);
     }
 }
 
 #[test]
-fn exported_code_computes_what_follows_from_its_states() {
+fn exported_code_computes_functions_of_states() {
     let folder = craft_models("kmeans:2");
     let path = folder.path();
     let code = |name: &str, to: &str| {
@@ -189,15 +189,15 @@ const NARX: [&str; 12] =
     ["fit", "narx", "train.csv", "--outputs", "y", "--lags-out", "1", "--lags-in", "1", "--degree", "1", "--json"];
 
 #[test]
-fn a_function_of_an_output_is_computed_from_the_simulated_output() {
+fn functions_of_outputs_use_simulated_outputs() {
     let folder = tanks();
     let fit = |more: &[&str]| fleetfoot(folder.path(), &[&NARX[..], more].concat());
     let alias = ["--inputs", "u,s", "--alias", "s=sqrt(max(y,0))", "--free-run", "test.csv", "-o", "narx.json"];
-    let found = fit(&[&alias[..], &["--terms", "all"]].concat()).ok().json();
-    let files = &found["files"]["by_file"][0];
+    let report = fit(&[&alias[..], &["--terms", "all"]].concat()).ok().json();
+    let files = &report["files"]["by_file"][0];
     assert_eq!(files["replayed"], serde_json::json!(["u"]));
     // The recursion by hand, from the first row.
-    let terms = &found["regions"][0]["equations"][0]["terms"];
+    let terms = &report["regions"][0]["equations"][0]["terms"];
     let of = |name: &str| {
         let term = terms.as_array().unwrap().iter().find(|term| term["function"] == name);
         term.map_or(0.0, |term| term["coefficient"].as_f64().unwrap())
@@ -213,8 +213,11 @@ fn a_function_of_an_output_is_computed_from_the_simulated_output() {
         square += (y - pair[1][1]).powi(2);
     }
     let rmse = (square / (rows.len() - 1) as f64).sqrt();
-    let told = files["free_run"][0]["rmse"].as_f64().unwrap();
-    assert!((told - rmse).abs() < 1e-9 * rmse && of("s") != 0.0, "{told} by the engine, {rmse} by the recursion");
+    let reported = files["free_run"][0]["rmse"].as_f64().unwrap();
+    assert!(
+        (reported - rmse).abs() < 1e-9 * rmse && of("s") != 0.0,
+        "{reported} by the engine, {rmse} by the recursion"
+    );
     let table = fleetfoot(folder.path(), &[&NARX[..11], &alias[..]].concat()).ok().out;
     assert!(table.contains("free run: replayed from the recording: u"), "{table}");
     // Selection by free runs sees the same.
@@ -223,7 +226,7 @@ fn a_function_of_an_output_is_computed_from_the_simulated_output() {
 }
 
 #[test]
-fn a_function_of_an_output_that_acts_at_once_is_refused() {
+fn direct_functions_of_outputs_are_refused() {
     let folder = tanks();
     let fit = |more: &[&str]| fleetfoot(folder.path(), &[&NARX[..], more].concat());
     fit(&["--inputs", "u,s", "--alias", "s=y+0*u", "--direct", "-o", "m.json"]).fails(&[
@@ -241,7 +244,7 @@ fn a_function_of_an_output_that_acts_at_once_is_refused() {
 }
 
 #[test]
-fn what_looks_ahead_at_a_state_is_no_simulation() {
+fn functions_of_later_rows_do_not_simulate() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("log.csv"), craft(800, 0.0)).unwrap();
     let fit =

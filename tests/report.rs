@@ -26,10 +26,10 @@ fn page(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn a_page_says_what_models_are_worth() {
+fn pages_have_findings_and_figures() {
     let folder = models(1200);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
-    let told = run(&[
+    let report = run(&[
         "report",
         "model.json",
         "held-out.csv",
@@ -42,13 +42,13 @@ fn a_page_says_what_models_are_worth() {
         "--json",
     ])
     .json();
-    let findings = told["findings"].as_array().expect("findings");
+    let findings = report["findings"].as_array().expect("findings");
     let heads: Vec<&str> = findings.iter().filter_map(|finding| finding["head"].as_str()).collect();
     assert_eq!(heads[0], "What was fitted.", "{heads:?}");
-    // Of an acceleration the row before tells more than any model does.
+    // The row before predicts an acceleration better than any model does.
     assert!(heads.contains(&"One step ahead, a baseline has a lower error than this model."), "{heads:?}");
     assert!(heads.iter().any(|head| head.starts_with("Simulated, it is better than every baseline")), "{heads:?}");
-    assert!(told["in_sample_episodes"].as_array().expect("a list").is_empty());
+    assert!(report["in_sample_episodes"].as_array().expect("a list").is_empty());
     let html = page(folder.path(), "report.html");
     assert!(html.starts_with("<!DOCTYPE html>") && !html.contains("<script"));
     let sections = ["verdict", "one-step", "simulation", "rows", "model", "data"];
@@ -70,10 +70,10 @@ fn a_page_says_what_models_are_worth() {
     let scored = run(&["score", "model.json", "held-out.csv", "--json"]).json();
     let error = scored["targets"][0]["mae_over_null"]["value"].as_f64().expect("a number");
     assert!(html.contains(&format!(">{error:.3}<")), "{error}");
-    let figures = told["figures"].as_array().expect("figures");
-    let (drawn, told): (Vec<&str>, Vec<&str>) =
+    let figures = report["figures"].as_array().expect("figures");
+    let (drawn, tables): (Vec<&str>, Vec<&str>) =
         figures.iter().filter_map(|figure| figure.as_str()).partition(|figure| figure.ends_with(".svg"));
-    assert!(drawn.len() >= 10 && told.len() == drawn.len(), "{figures:?}");
+    assert!(drawn.len() >= 10 && tables.len() == drawn.len(), "{figures:?}");
     for figure in drawn {
         let svg = page(folder.path(), figure);
         assert!(svg.starts_with("<svg") && svg.contains("xmlns=\"http://www.w3.org/2000/svg\""));
@@ -85,13 +85,13 @@ fn a_page_says_what_models_are_worth() {
         rows.map(|line| line.split(',').nth(2).and_then(|share| share.parse::<f64>().ok()).expect("a share")).sum();
     assert!((shares - 100.0).abs() < 1e-9, "{shares}");
 
-    simulations_are_drawn_over_what_was_recorded(folder.path());
+    simulations_are_drawn_over_recordings(folder.path());
     assert!(html.contains("95 % intervals of least squares") && html.contains("differs from zero"), "intervals");
 
-    let said =
+    let output =
         run(&["report", "model_average.json", "model_kmeans4.json", "one.csv", "held-out.csv", "-o", "both.html"]);
-    assert!(said.out.contains("One step ahead pwa kmeans:4 is best."), "{}", said.out);
-    assert!(said.err.contains("1 of 2 episodes were used in training"), "{}", said.err);
+    assert!(output.out.contains("One step ahead pwa kmeans:4 is best."), "{}", output.out);
+    assert!(output.err.contains("1 of 2 episodes were used in training"), "{}", output.err);
     assert!(page(folder.path(), "both.html").contains("some of these rows trained the model"));
 
     let alone = run(&["report", "model.json", "-o", "alone.html"]).out;
@@ -101,12 +101,12 @@ fn a_page_says_what_models_are_worth() {
 
 /// Fig. 7 of the paper on piecewise-affine models of a running robot. The recording is that of the log, and every
 /// simulation begins on it and continues as in `rollout`.
-fn simulations_are_drawn_over_what_was_recorded(folder: &Path) {
+fn simulations_are_drawn_over_recordings(folder: &Path) {
     let drawn = page(folder, "numbers/simulated-in-time-1.csv");
     assert!(drawn.starts_with("time since the start of the log [s],recorded,simulated"), "{drawn}");
     let log = page(folder, "held-out.csv");
     let head: Vec<&str> = log.lines().next().expect("a head").split(',').collect();
-    let column = |name: &str| head.iter().position(|own| *own == name).expect("a column");
+    let column = |name: &str| head.iter().position(|field| *field == name).expect("a column");
     let (time, speed) = (column("t"), column("v [m/s]"));
     let number = |text: &str| text.parse::<f64>().expect("a number");
     let recorded: Vec<[f64; 2]> = log
@@ -153,25 +153,25 @@ fn many_logs_have_room() {
 }
 
 #[test]
-fn the_same_bytes_on_any_number_of_threads_and_as_many_for_ten_times_the_rows() {
+fn pages_have_the_same_bytes_and_size() {
     let folder = models(20_000);
     let write = |threads: &str| {
         let flags = ["--horizon", "40", "--threads", threads, "-o", "report.html"];
         fleetfoot(folder.path(), &[&["report", "model.json", "held-out.csv"], &flags[..]].concat()).ok();
         page(folder.path(), "report.html")
     };
-    let one = write("1");
+    let single = write("1");
     for threads in ["2", "7"] {
-        assert!(write(threads) == one, "{threads} threads");
+        assert!(write(threads) == single, "{threads} threads");
     }
     fs::write(folder.path().join("held-out.csv"), robot_csv(200_000, 9.0)).expect("a file");
     let more = write("0");
-    let growth = more.len() as f64 / one.len() as f64;
-    assert!((0.9..1.1).contains(&growth), "{} bytes, then {}", one.len(), more.len());
+    let growth = more.len() as f64 / single.len() as f64;
+    assert!((0.9..1.1).contains(&growth), "{} bytes, then {}", single.len(), more.len());
 }
 
 #[test]
-fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
+fn pages_show_selection_from_fit_reports() {
     let folder = models(600);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     let keep = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("a file");
@@ -199,19 +199,19 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     ]);
     let html = page(folder.path(), "sindy.html");
     assert!(html.contains("id=\"front-1\"") && !html.contains("id=\"validation-1\""));
-    what_enters_with_more_terms(&sindy.json(), &html, &page(folder.path(), "sindy/terms-1-1.csv"));
-    let said = run(&["report", "sparse.json", "held-out.csv", "--fit", "sparse-fit.json", "--csv", "numbers"]);
+    check_term_contributions(&sindy.json(), &html, &page(folder.path(), "sindy/terms-1-1.csv"));
+    let output = run(&["report", "sparse.json", "held-out.csv", "--fit", "sparse-fit.json", "--csv", "numbers"]);
     let html = page(folder.path(), "report.html");
     for id in ["validation-1", "path-1", "selection-frequency", "excitation-1"] {
         assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id}");
     }
-    assert!(!said.err.contains("whose model is not"), "{}", said.err);
+    assert!(!output.err.contains("whose model is not"), "{}", output.err);
     // The frequencies are those of the report, and so is the path, which is zero at its first lambda and the penalised fit at the chosen one.
-    let told = sparse.json();
-    let path = &told["path"];
+    let report = sparse.json();
+    let path = &report["path"];
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let lambdas: Vec<f64> = path["lambdas"].as_array().expect("lambdas").iter().map(number).collect();
-    let chosen = number(&told["lambda"]["value"]);
+    let chosen = number(&report["lambda"]["value"]);
     assert!(lambdas.is_sorted_by(|a, b| a > b) && lambdas[0] > chosen && lambdas[lambdas.len() - 1] < chosen);
     let drawn = page(folder.path(), "numbers/path-1.csv");
     assert_eq!(drawn.lines().count(), lambdas.len() + 1, "{drawn}");
@@ -222,7 +222,7 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
         let first = number(&along["coefficients"][0]);
         assert!(name.ends_with(": 1") || first == 0.0, "nothing is in at the largest lambda: {name} {first}");
     }
-    let functions = told["latents"][0]["functions"].as_array().expect("functions");
+    let functions = report["latents"][0]["functions"].as_array().expect("functions");
     let frequencies = page(folder.path(), "numbers/selection-frequency.csv");
     for function in functions {
         let name = function["function"].as_str().expect("a name");
@@ -230,7 +230,7 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
         assert!(frequencies.contains(&format!("\n{name},{share},,\n")), "{name} {share}: {frequencies}");
     }
 
-    // The report of a piecewise fit says how many rows count as independent.
+    // The report of a piecewise fit has the number of rows that count as independent.
     let fit = ["fit", "pwa", "-c", "robot.toml", "one.csv", "two.csv", "--partition", "average", "-o", "average.json"];
     let fit = run(&[&fit[..], &["--json"]].concat());
     keep("pwa-fit.json", &fit.out);
@@ -239,8 +239,8 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     let html = page(folder.path(), "average.html");
     assert!(html.contains(&format!("{independent} of 2998 rows count as independent")), "{independent}");
 
-    let said = run(&["report", "sindy.json", "--fit", "sparse-fit.json"]);
-    assert!(said.err.contains("whose model is not on this page, by hash: 1"), "{}", said.err);
+    let output = run(&["report", "sindy.json", "--fit", "sparse-fit.json"]);
+    assert!(output.err.contains("whose model is not on this page, by hash: 1"), "{}", output.err);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     run(&["report", "sindy.json", "--fit", "one.csv"])
         .fails(&["one.csv is not JSON", "the output of a fit with --json"]);
@@ -249,8 +249,8 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
 
 /// A function contributes its coefficient times its root mean square to the models that have it, and nothing to the
 /// others. Intervals are those of the report.
-fn what_enters_with_more_terms(told: &serde_json::Value, html: &str, drawn: &str) {
-    let equation = &told["regions"][0]["equations"][0];
+fn check_term_contributions(report: &serde_json::Value, html: &str, drawn: &str) {
+    let equation = &report["regions"][0]["equations"][0];
     let front = equation["front"].as_array().expect("a front");
     let mut lines = drawn.lines();
     let names: Vec<&str> = lines.next().expect("a head").split(',').skip(1).collect();
@@ -280,7 +280,7 @@ fn what_enters_with_more_terms(told: &serde_json::Value, html: &str, drawn: &str
 
 /// Fig. 9 of the paper on piecewise-affine models of a running robot.
 #[test]
-fn errors_and_changes_of_region_are_shown_on_a_plane() {
+fn errors_and_transitions_are_drawn_on_planes() {
     let folder = models(1200);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let flags = ["--plane", "v,u", "--csv", "numbers"];
@@ -312,8 +312,8 @@ fn errors_and_changes_of_region_are_shown_on_a_plane() {
 fn layouts_stand_beside_messages() {
     let folder = models(600);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
-    let said = run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "-o", "rolled.mcap"]);
-    assert!(said.err.contains("rolled.foxglove.json, rolled.plotjuggler.xml"), "{}", said.err);
+    let output = run(&["rollout", "model.json", "held-out.csv", "--horizon", "20", "-o", "rolled.mcap"]);
+    assert!(output.err.contains("rolled.foxglove.json, rolled.plotjuggler.xml"), "{}", output.err);
     let layout: serde_json::Value = serde_json::from_str(&page(folder.path(), "rolled.foxglove.json")).expect("JSON");
     let paths = layout["configById"]["Plot!fleetfoot0"]["paths"].as_array().expect("paths");
     let topics: Vec<&str> = paths.iter().filter_map(|path| path["value"].as_str()).collect();
@@ -321,7 +321,7 @@ fn layouts_stand_beside_messages() {
     run(&["predict", "model.json", "held-out.csv", "-o", "said.mcap"]);
     let xml = page(folder.path(), "said.plotjuggler.xml");
     assert!(xml.contains("<curve name=\"/fleetfoot/predicted/d(v)/dt/position\""), "{xml}");
-    // What the layouts name is in the file.
+    // The file has every field that the layouts name.
     let topics = run(&["info", "said.mcap", "--json"]).out;
     assert!(topics.contains("/fleetfoot/measured") && topics.contains("/fleetfoot/predicted"), "{topics}");
     run(&["predict", "model.json", "held-out.csv", "-o", "table.parquet"]);
@@ -330,7 +330,7 @@ fn layouts_stand_beside_messages() {
 
 /// For messages the page shows the clock, and the rates of each channel that the model reads.
 #[test]
-fn channels_and_clocks_are_told() {
+fn channels_and_clocks_are_listed() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     run(&["generate", "diffdrive", "--seconds", "2", "--runs", "2", "-o", "runs"]);
@@ -341,12 +341,12 @@ fn channels_and_clocks_are_told() {
     assert!(html.contains("Stamps are those of the messages\u{2019} headers."), "the clock");
     let info = run(&["info", logs[1], "--json"]).json();
     let topics = info[0]["topics"].as_array().expect("topics");
-    let told = |topic: &&serde_json::Value| {
+    let is_listed = |topic: &&serde_json::Value| {
         let name = topic["name"].as_str().expect("a name");
         let messages = topic["messages"].as_u64().expect("a number");
         html.contains(&format!("<th scope=\"row\">{name}</th><td class=\"n\">{messages}</td>"))
     };
-    let shown: Vec<&str> = topics.iter().filter(told).filter_map(|topic| topic["name"].as_str()).collect();
+    let shown: Vec<&str> = topics.iter().filter(is_listed).filter_map(|topic| topic["name"].as_str()).collect();
     // The recipe names the voltages too, and the model has no use for them.
     assert_eq!(shown, ["/truth/cmd_vel", "/truth/odometry", "/truth/wheels"]);
 }
@@ -390,7 +390,7 @@ fn missing_values_are_shown_where_they_are() {
 
 /// A log in which nothing moves: the null model has no error there, so that ratios to it are none.
 #[test]
-fn scores_that_are_none_are_told_as_such() {
+fn missing_scores_are_marked() {
     let folder = models(600);
     let text = robot_csv(400, 9.0);
     let (head, rows) = text.split_once('\n').expect("a head");
@@ -405,7 +405,7 @@ fn scores_that_are_none_are_told_as_such() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said() {
+fn impossible_pages_are_refused() {
     let folder = models(1200);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     run(&["report", "held-out.csv"]).fails(&["no file is a model", "*.json"]);
@@ -434,7 +434,7 @@ fn what_cannot_be_shown_is_said() {
 }
 
 #[test]
-fn names_are_text_and_many_columns_have_room() {
+fn names_are_escaped_and_columns_fit() {
     let folder = tempfile::tempdir().expect("a folder");
     let names: Vec<String> = (0..500).map(|column| format!("<script>{column} & ' it")).collect();
     for (file, phase) in [("seen.csv", 0.0), ("<i>held & out.csv", 1.0)] {
@@ -467,22 +467,22 @@ fn names_are_text_and_many_columns_have_room() {
 
 /// The bounds of a fit stand on the page as on the terminal: maps that are bounded, and coefficients with limits.
 #[test]
-fn what_a_fit_keeps_is_shown() {
+fn kept_results_of_fits_are_shown() {
     let folder = models(400);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     let shown = |fit: &[&str]| {
-        let told = run(&[fit, &["-o", "kept.json", "--json"]].concat());
-        fs::write(folder.path().join("fit.json"), &told.out).expect("a file");
+        let output = run(&[fit, &["-o", "kept.json", "--json"]].concat());
+        fs::write(folder.path().join("fit.json"), &output.out).expect("a file");
         run(&["report", "kept.json", "--fit", "fit.json", "-o", "kept.html"]);
-        (told.json(), page(folder.path(), "kept.html"))
+        (output.json(), page(folder.path(), "kept.html"))
     };
     let maps =
         ["fit", "pwa", "-c", "robot.toml", "one.csv", "two.csv", "--partition", "kmeans:4", "--partition-on", "v"];
     let (_, free) = shown(&maps);
     assert!(!free.contains("Bounds of the fit") && free.contains("95 % intervals of least squares"), "nothing is kept");
-    let (told, html) = shown(&[&maps[..], &["--passive", "u:v"]].concat());
+    let (report, html) = shown(&[&maps[..], &["--passive", "u:v"]].concat());
     assert_eq!(html.matches("Bounds of the fit").count(), 1);
-    let bounds = &told["candidates"][0]["stability"];
+    let bounds = &report["candidates"][0]["stability"];
     // Least squares do not tell how well coefficients are known that a bound has moved.
     assert_eq!(html.contains("95 % intervals of least squares"), bounds["moved"] == 0);
     assert_eq!(html.contains("Its maps are kept within bounds"), bounds["moved"] != 0);
@@ -493,21 +493,21 @@ fn what_a_fit_keeps_is_shown() {
     }
     let greatest = |of: &serde_json::Value| {
         let all = of.as_array().expect("numbers").iter();
-        all.map(|one| one.as_f64().expect("a number")).fold(0.0, f64::max)
+        all.map(|value| value.as_f64().expect("a number")).fold(0.0, f64::max)
     };
     for list in [&bounds["free_radii"], &bounds["radii"], &bounds["norms"], &bounds["passivity"]["free_norms"]] {
         let number = format!("{:.4}<", greatest(list));
         assert!(html.contains(&number), "{number}");
     }
     let steps = ["--objective", "steps:5", "--folds", "0"];
-    let (told, html) = shown(&[&maps[..], &steps].concat());
-    assert_eq!(html.contains("Its coefficients were fitted to simulations"), told["objective"]["written"] == true);
+    let (report, html) = shown(&[&maps[..], &steps].concat());
+    assert_eq!(html.contains("Its coefficients were fitted to simulations"), report["objective"]["written"] == true);
     let recipe = page(folder.path(), "robot.toml");
     let limits = "[constraints]\ndamping = { coefficients = { v = [\"v\"] }, at_least = -1.0 }\n";
     fs::write(folder.path().join("limited.toml"), format!("{recipe}{limits}")).expect("a file");
-    let (told, html) = shown(&["fit", "sindy", "-c", "limited.toml", "one.csv", "two.csv", "--library", "poly(1)"]);
+    let (report, html) = shown(&["fit", "sindy", "-c", "limited.toml", "one.csv", "two.csv", "--library", "poly(1)"]);
     assert!(html.contains("damping, v of d(v)/dt</th>") && html.contains("at least"), "the limit");
-    let equation = &told["regions"][0]["equations"][0];
+    let equation = &report["regions"][0]["equations"][0];
     for key in ["rms", "held_out_rms", "free_rms", "free_held_out_rms"] {
         let number = fleetfoot::report::words::number(equation[key].as_f64().expect("a number"));
         assert!(html.contains(&format!("<td class=\"n\">{number}</td>")), "{key} {number}");
@@ -517,7 +517,7 @@ fn what_a_fit_keeps_is_shown() {
 /// Models of other targets and states are compared in their common ones, on simulations from the same rows, or not at
 /// all.
 #[test]
-fn models_of_other_targets_are_compared_in_what_they_share() {
+fn models_are_compared_in_shared_targets() {
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     for (name, phase) in [("a.csv", 0.0), ("b.csv", 1.0)] {
@@ -542,9 +542,9 @@ fn models_of_other_targets_are_compared_in_what_they_share() {
     run(&["fit", "sindy", "a.csv", "--states", "x,v", "--inputs", "u", "-o", "sindy.json"]);
     run(&["fit", "sindy", "a.csv", "--states", "x", "--inputs", "u", "-o", "other.json"]);
     for models in [["sindy.json", "narx.json"], ["narx.json", "sindy.json"]] {
-        let told = run(&["report", models[0], models[1], "b.csv", "-o", "page.html", "--csv", "figures"]).out;
-        assert!(told.contains("One step ahead the models are not compared: they have no target in common"), "{told}");
-        assert!(told.contains("Simulated, ") && told.contains("Error of v, which all models have"), "{told}");
+        let text = run(&["report", models[0], models[1], "b.csv", "-o", "page.html", "--csv", "figures"]).out;
+        assert!(text.contains("One step ahead the models are not compared: they have no target in common"), "{text}");
+        assert!(text.contains("Simulated, ") && text.contains("Error of v, which all models have"), "{text}");
         let head = |figure: &str| {
             let text = fs::read_to_string(folder.path().join("figures").join(figure)).unwrap();
             text.lines().next().unwrap().to_owned()
@@ -562,6 +562,6 @@ fn models_of_other_targets_are_compared_in_what_they_share() {
         assert!(["next(v)", "d(v)/dt", "d(x)/dt"].iter().all(|target| bars.contains(target)), "{bars}");
         fs::remove_dir_all(folder.path().join("figures")).unwrap();
     }
-    let told = run(&["report", "narx.json", "other.json", "b.csv", "-o", "page.html"]).out;
-    assert!(told.contains("Simulated, the models are not compared") && told.contains("no state in common"), "{told}");
+    let text = run(&["report", "narx.json", "other.json", "b.csv", "-o", "page.html"]).out;
+    assert!(text.contains("Simulated, the models are not compared") && text.contains("no state in common"), "{text}");
 }

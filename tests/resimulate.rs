@@ -37,7 +37,7 @@ fn fit(folder: &Path, recipe: &str, output: &str) {
     fleetfoot(folder, &words).ok();
 }
 
-fn followed(folder: &Path, options: &[&str]) -> Said {
+fn followed(folder: &Path, options: &[&str]) -> Run {
     fleetfoot(folder, &[&["resimulate", "model.json", "run_1.csv"], options].concat())
 }
 
@@ -45,7 +45,7 @@ fn followed(folder: &Path, options: &[&str]) -> Said {
 fn columns(text: &str) -> impl Fn(&str) -> Vec<f64> {
     let rows: Vec<Vec<String>> = text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
     move |name| {
-        let at = rows[0].iter().position(|own| own.trim_matches('"') == name);
+        let at = rows[0].iter().position(|field| field.trim_matches('"') == name);
         let at = at.unwrap_or_else(|| panic!("{name}: {:?}", rows[0]));
         rows[1..].iter().map(|row| row[at].parse().unwrap_or(f64::NAN)).collect()
     }
@@ -56,7 +56,7 @@ fn rms(values: &[f64], other: &[f64]) -> f64 {
 }
 
 #[test]
-fn the_file_obeys_the_equations_and_the_bounds() {
+fn files_obey_equations_and_bounds() {
     let folder = folder("");
     let path = folder.path();
     let report = followed(path, &["--bounds", "u=-0.3..1.4", "--json", "-o", "followed.csv"]).ok().json();
@@ -87,32 +87,32 @@ fn the_file_obeys_the_equations_and_the_bounds() {
     }
     // The report is of what the file has.
     for (at, name) in ["x", "v", "u"].iter().enumerate() {
-        let own = &report["columns"][at];
-        assert_eq!(own["name"], *name);
+        let entry = &report["columns"][at];
+        assert_eq!(entry["name"], *name);
         let measured = column(&format!("{name} measured"));
-        let told = own["followed"]["median"].as_f64().unwrap();
-        assert!((told / rms(&column(name), &measured) - 1.0).abs() < 1e-9, "{name}: {told}");
+        let median = entry["followed"]["median"].as_f64().unwrap();
+        assert!((median / rms(&column(name), &measured) - 1.0).abs() < 1e-9, "{name}: {median}");
         if at < 2 {
-            let told = own["open_loop"]["median"].as_f64().unwrap();
+            let median = entry["open_loop"]["median"].as_f64().unwrap();
             assert!(
-                (told / rms(&column(&format!("{name} open loop")), &measured) - 1.0).abs() < 1e-9,
-                "{name}: {told}"
+                (median / rms(&column(&format!("{name} open loop")), &measured) - 1.0).abs() < 1e-9,
+                "{name}: {median}"
             );
-            assert!(told > own["followed"]["median"].as_f64().unwrap(), "{own}");
+            assert!(median > entry["followed"]["median"].as_f64().unwrap(), "{entry}");
         }
     }
 }
 
 #[test]
-fn people_read_it_and_viewers_open_it() {
+fn results_are_printed_and_viewed() {
     let folder = folder("");
     let path = folder.path();
     let words = ["resimulate", "model.json", "run_0.csv", "run_1.csv", "--episodes", "-o", "followed.mcap"];
-    let said = fleetfoot(path, &words).ok();
+    let output = fleetfoot(path, &words).ok();
     for words in ["2 episodes followed, 800 rows", "moved: u", "at a minimum: 2 of 2", "open loop: median", "run_1"] {
-        assert!(said.out.contains(words), "`{words}` is missing from {}", said.out);
+        assert!(output.out.contains(words), "`{words}` is missing from {}", output.out);
     }
-    assert!(said.err.contains("1 of 2 episodes were used in training"), "{}", said.err);
+    assert!(output.err.contains("1 of 2 episodes were used in training"), "{}", output.err);
     let info = fleetfoot(path, &["info", "followed.mcap"]).ok().out;
     for topic in ["/fleetfoot/measured", "/fleetfoot/followed", "/fleetfoot/open_loop"] {
         assert!(info.contains(topic), "{topic}: {info}");
@@ -121,7 +121,7 @@ fn people_read_it_and_viewers_open_it() {
 }
 
 #[test]
-fn what_cannot_be_followed_is_told() {
+fn impossible_resimulations_are_refused() {
     let folder = folder("");
     let refused = |options: &[&str], words: &[&str]| {
         followed(folder.path(), options).fails(words);
@@ -133,8 +133,8 @@ fn what_cannot_be_followed_is_told() {
     refused(&["--every", "0"], &["every", "0"]);
     refused(&["--iterations", "0"], &["iterations", "0"]);
     refused(&["--widen=-1"], &["widen", "-1"]);
-    let one: String = robot_csv(400, 1.0).lines().take(2).map(|line| format!("{line}\n")).collect();
-    fs::write(folder.path().join("run_1.csv"), one).unwrap();
+    let single: String = robot_csv(400, 1.0).lines().take(2).map(|line| format!("{line}\n")).collect();
+    fs::write(folder.path().join("run_1.csv"), single).unwrap();
     refused(&[], &["none of 1 episodes", "two rows"]);
     // A model without states has nothing to follow.
     let narx = ["fit", "narx", "run_0.csv", "--states", "x", "--inputs", "u", "--lags-out", "2", "--folds", "2"];

@@ -97,7 +97,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn from_a_robots_log_to_messages_drawn_over_it() {
+fn robot_logs_become_models_and_messages() {
     let folder = folder();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
 
@@ -128,7 +128,7 @@ fn from_a_robots_log_to_messages_drawn_over_it() {
         assert!(text.contains("at most 3000 rows") && text.contains("one pass to decode them"), "{text}");
     }
 
-    // The commands have no header, so that the log's clock is taken, and the user is told.
+    // The commands have no header: the log's clock is taken, with a note.
     let fit = run(&["fit", "pwa", "-c", "robot.toml", "run.mcap", "-p", "average", "-o", "model.json"]);
     assert!(fit.err.contains("/cmd_vel has no header"), "{}", fit.err);
     let model = run(&["show", "model.json", "--json"]).json();
@@ -156,7 +156,7 @@ fn from_a_robots_log_to_messages_drawn_over_it() {
     ]);
     assert!(rollout.json()["model"]["mahalanobis"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap() < 1e-9);
     run(&["predict", "model.json", "test.mcap", "-o", "predicted.mcap"]);
-    // What was written is a log itself, in the time of the recording.
+    // The written file is a log itself, in the time of the recording.
     let info = run(&["info", "predicted.mcap", "--json"]).json();
     let predicted = info[0]["topics"].as_array().unwrap().iter().find(|t| t["name"] == "/fleetfoot/predicted").unwrap();
     // The last command came at 29.9 s: what is held ends there.
@@ -167,7 +167,7 @@ fn from_a_robots_log_to_messages_drawn_over_it() {
 }
 
 #[test]
-fn fields_can_be_states_under_their_own_names() {
+fn fields_can_be_states_by_name() {
     let folder = folder();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     let states = "/odom.twist.twist.linear.x,/joint_states.velocity[left]";
@@ -185,7 +185,7 @@ fn fields_can_be_states_under_their_own_names() {
 }
 
 #[test]
-fn clocks_are_not_mixed_and_the_mend_is_told() {
+fn mixed_clocks_are_refused_with_the_mend() {
     let folder = folder();
     let fit = |arguments: &[&str]| {
         let mut all = vec!["fit", "pwa", "run.mcap", "-p", "average"];
@@ -206,11 +206,11 @@ fn clocks_are_not_mixed_and_the_mend_is_told() {
     fleetfoot(folder.path(), &zero).fails(&["/odom", "not filled in", "log"]);
     zero.truncate(5);
     zero.extend(states);
-    let told = fleetfoot(folder.path(), &zero).ok();
+    let output = fleetfoot(folder.path(), &zero).ok();
     // One file would go by its headers, the other by the log's clock.
     zero.insert(3, "run.mcap");
     fleetfoot(folder.path(), &zero).fails(&["run.mcap", "zero.mcap", "header", "stamp = \"log\""]);
-    assert!(told.err.contains("headers of /odom are not filled in"), "{}", told.err);
+    assert!(output.err.contains("headers of /odom are not filled in"), "{}", output.err);
 }
 
 #[test]
@@ -279,7 +279,7 @@ fn wildcards_renames_rates_and_the_cache() {
 
 /// Messages without a header that say in a field of theirs, in microseconds, when they were measured: up to 40 ms before they were recorded.
 #[test]
-fn a_field_of_the_messages_is_the_clock() {
+fn message_fields_can_be_clocks() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let mut writer = McapWriter::create(path.join("px.mcap"), &McapOptions::default()).unwrap();
@@ -304,15 +304,15 @@ fn a_field_of_the_messages_is_the_clock() {
     fs::write(path.join("r.toml"), recipe).unwrap();
     let fit = ["fit", "pwa", "-c", "r.toml", "px.mcap", "-p", "average"];
     let run = |more: &[&str]| fleetfoot(path, &[&fit[..], more].concat());
-    let said = run(&["--time", "/fmu/out/state.linear.z"]).ok();
-    assert!(said.err.contains("`linear.z` of every channel, in us"), "{}", said.err);
+    let output = run(&["--time", "/fmu/out/state.linear.z"]).ok();
+    assert!(output.err.contains("`linear.z` of every channel, in us"), "{}", output.err);
     let of_model = || fleetfoot(path, &["show", "model.json", "--json"]).ok().json();
     let model = of_model();
     let number = |model: &serde_json::Value, at: &str| model.pointer(at).unwrap().as_f64().unwrap();
     assert!((number(&model, "/model/step") - 0.01).abs() < 1e-12);
     for (place, expected) in [(0, -2.0), (1, 3.0)] {
-        let found = number(&model, &format!("/model/latents/0/coefficients/0/{place}"));
-        assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        let coefficient = number(&model, &format!("/model/latents/0/coefficients/0/{place}"));
+        assert!((coefficient - expected).abs() < 1e-6, "{coefficient} for {expected}");
     }
     // The model knows its clock; the log's own would have jittered.
     fleetfoot(path, &["score", "model.json", "px.mcap"]).ok();
@@ -382,17 +382,17 @@ fn messages_in_groups_keep_their_rows() {
         "max_gap = SECONDS",
         "--base /rare",
     ]);
-    // A pattern of [join] that matches nothing is told, one of a field that is not read is not.
+    // A pattern of [join] that matches nothing gets a note, one of a field that is not read does not.
     for (pattern, words) in [
         ("/command.*", &["[join] \"/command.*\" matches no field", "one part between dots", "`/command.linear.x`"][..]),
         ("/comand.linear.x", &["[join] \"/comand.linear.x\" matches no field", "did you mean `/command.linear.x`"]),
         ("/command.angular.*", &[]),
     ] {
         fs::write(path.join("idle.toml"), format!("{recipe}[join]\n\"{pattern}\" = \"linear\"\n")).unwrap();
-        let told =
+        let output =
             fleetfoot(path, &["fit", "pwa", "-c", "idle.toml", "run.mcap", "-p", "average", "-o", "m.json"]).ok();
-        assert!(words.iter().all(|word| told.err.contains(word)), "{}", told.err);
-        assert_eq!(told.err.matches("matches no field").count(), usize::from(!words.is_empty()), "{}", told.err);
+        assert!(words.iter().all(|word| output.err.contains(word)), "{}", output.err);
+        assert_eq!(output.err.matches("matches no field").count(), usize::from(!words.is_empty()), "{}", output.err);
     }
     let lags =
         ["fit", "pwa", "run.mcap", "--predict", "/state.linear.x", "--lags", "4", "-p", "average", "--max-gap", "0.05"];
@@ -414,8 +414,8 @@ fn elements_of_long_arrays_can_be_named() {
         writer.write(load, log, log, &Float64MultiArray { data: &data, ..Float64MultiArray::default() }).unwrap();
     }
     writer.finish().unwrap();
-    let told = fleetfoot(path, &["info", "run.mcap"]).ok().out;
-    assert!(told.contains("e.g. /load_cell_data.data[0]"), "{told}");
+    let text = fleetfoot(path, &["info", "run.mcap"]).ok().out;
+    assert!(text.contains("e.g. /load_cell_data.data[0]"), "{text}");
     // x' = -x, by the field and by an alias.
     let field =
         fleetfoot(path, &["fit", "pwa", "run.mcap", "--states", "/load_cell_data.data[0]", "--partition", "average"]);

@@ -27,9 +27,9 @@ fn body(rows: usize, seed: u64) -> Vec<[f64; 7]> {
     let moved = |s: &[f64; 7], f: &[f64; 7], h: f64| -> [f64; 7] { std::array::from_fn(|i| s[i] + h * f[i]) };
     let shift = 1.0 + 0.7 * seed as f64;
     let mut s = [0.8, 0.36, -0.48, 0.0, 1.4 * shift.sin(), -1.1, 1.2 * shift.cos()];
-    let mut found = vec![s];
+    let mut trajectory = vec![s];
     let h = 0.25 * DT;
-    while found.len() < rows {
+    while trajectory.len() < rows {
         for _ in 0..4 {
             let one = slopes(&s);
             let two = slopes(&moved(&s, &one, 0.5 * h));
@@ -37,9 +37,9 @@ fn body(rows: usize, seed: u64) -> Vec<[f64; 7]> {
             let four = slopes(&moved(&s, &three, h));
             s = std::array::from_fn(|i| s[i] + h / 6.0 * (one[i] + 2.0 * two[i] + 2.0 * three[i] + four[i]));
         }
-        found.push(s);
+        trajectory.push(s);
     }
-    found
+    trajectory
 }
 
 /// Any signs.
@@ -114,43 +114,47 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
 /// The fit gives Euler's equations, for any signs in the log. Rollouts have one error of the attitude, in radians, and
 /// it is as small as that of the rates.
 #[test]
-fn a_rigid_body_is_found_from_quaternions_of_any_sign() {
+fn quaternions_of_any_sign_give_euler_equations() {
     let folder = folder();
     let path = folder.path();
     let fit = |recipe: &str, logs: &str, model: &str| {
         let logs = [0, 1].map(|seed| format!("{logs}{seed}.csv"));
-        let said = ["fit", "sindy", "-c", recipe, &logs[0], &logs[1], "-o", model, "--json"];
-        fleetfoot(path, &said).ok().json()
+        let arguments = ["fit", "sindy", "-c", recipe, &logs[0], &logs[1], "-o", model, "--json"];
+        fleetfoot(path, &arguments).ok().json()
     };
     let rolled = |model: &str, log: &str| {
-        let said = ["rollout", model, log, "--horizon", "40", "--method", "rk4", "--json"];
-        fleetfoot(path, &said).ok().json()
+        let arguments = ["rollout", model, log, "--horizon", "40", "--method", "rk4", "--json"];
+        fleetfoot(path, &arguments).ok().json()
     };
     for (recipe, [plain, flips]) in [("body.toml", ["plain", "flips"]), ("vector.toml", ["vector", "turned"])] {
-        let (one, other) = (fit(recipe, plain, "one.json"), fit(recipe, flips, "other.json"));
+        let (unflipped, flipped) = (fit(recipe, plain, "one.json"), fit(recipe, flips, "other.json"));
         let terms = |report: &serde_json::Value| -> Vec<(String, f64)> {
             let terms = report["regions"][0]["equations"].as_array().unwrap_or_else(|| panic!("{report}")).iter();
             let terms = terms.flat_map(|equation| equation["terms"].as_array().unwrap());
             terms.map(|term| (term["function"].to_string(), term["coefficient"].as_f64().unwrap())).collect()
         };
-        let (one, other) = (terms(&one), terms(&other));
-        assert_eq!(one.len(), 3, "{one:?}");
+        let (unflipped, flipped) = (terms(&unflipped), terms(&flipped));
+        assert_eq!(unflipped.len(), 3, "{unflipped:?}");
         let truth = [(J[1] - J[2]) / J[0], (J[2] - J[0]) / J[1], (J[0] - J[1]) / J[2]];
-        for (((name, own), (same, changed)), truth) in one.iter().zip(&other).zip(truth) {
+        for (((name, value), (same, changed)), truth) in unflipped.iter().zip(&flipped).zip(truth) {
             assert_eq!(name, same);
             // Central differences of order 6 leave 1e-10; the flips nothing but the order of sums.
-            assert!((own - truth).abs() < 1e-8 && (own - changed).abs() < 1e-12, "{name}: {own} {changed} {truth}");
+            assert!(
+                (value - truth).abs() < 1e-8 && (value - changed).abs() < 1e-12,
+                "{name}: {value} {changed} {truth}"
+            );
         }
-        let (one, other) = (rolled("one.json", &format!("{plain}2.csv")), rolled("one.json", &format!("{flips}2.csv")));
-        assert_eq!(one["states"], serde_json::json!(["wx", "wy", "wz", "attitude"]), "{one}");
+        let (unflipped, flipped) =
+            (rolled("one.json", &format!("{plain}2.csv")), rolled("one.json", &format!("{flips}2.csv")));
+        assert_eq!(unflipped["states"], serde_json::json!(["wx", "wy", "wz", "attitude"]), "{unflipped}");
         let rmse = |report: &serde_json::Value| numbers(&report["model"]["rmse"]);
-        let (own, changed) = (rmse(&one), rmse(&other));
+        let (errors, changed) = (rmse(&unflipped), rmse(&flipped));
         assert!(
-            own.len() == 160 && own.iter().zip(&changed).all(|(a, b)| (a - b).abs() < 1e-12),
-            "{own:?} {changed:?}"
+            errors.len() == 160 && errors.iter().zip(&changed).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{errors:?} {changed:?}"
         );
-        assert!(own.iter().all(|error| *error < 1e-8), "{own:?}");
-        assert!(numbers(&one["model"]["mahalanobis"]).iter().all(|score| score.abs() < 1e-7));
+        assert!(errors.iter().all(|error| *error < 1e-8), "{errors:?}");
+        assert!(numbers(&unflipped["model"]["mahalanobis"]).iter().all(|score| score.abs() < 1e-7));
     }
 }
 
@@ -164,26 +168,26 @@ fn attitude_errors_are_those_of_scipy() {
     fleetfoot(path, &fit).ok();
     let asked =
         ["rollout", "m.json", "flips2.csv", "--horizon", "30", "--method", "rk4", "-o", "rollouts.csv", "--json"];
-    let said = fleetfoot(path, &asked).ok().json();
+    let report = fleetfoot(path, &asked).ok().json();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers/rotations.py");
-    let found =
+    let output =
         Command::new(python).arg(script).args(["rollouts.csv", "flips2.csv"]).current_dir(path).output().unwrap();
-    assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
-    let found: Vec<f64> =
-        String::from_utf8(found.stdout).unwrap().split_whitespace().map(|number| number.parse().unwrap()).collect();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let expected: Vec<f64> =
+        String::from_utf8(output.stdout).unwrap().split_whitespace().map(|number| number.parse().unwrap()).collect();
     let of = |key: &str| -> Vec<f64> {
-        said["model"][key].as_array().unwrap().iter().map(|row| row[3].as_f64().unwrap()).collect()
+        report["model"][key].as_array().unwrap().iter().map(|row| row[3].as_f64().unwrap()).collect()
     };
-    assert_eq!(found.len(), 60);
-    for ((own, mean), pair) in of("rmse").iter().zip(of("mae")).zip(found.chunks_exact(2)) {
-        assert!((own - pair[0]).abs() < 1e-12 && (mean - pair[1]).abs() < 1e-12, "{own} {mean} {pair:?}");
-        assert!(*own > 1e-6);
+    assert_eq!(expected.len(), 60);
+    for ((rmse, mean), pair) in of("rmse").iter().zip(of("mae")).zip(expected.chunks_exact(2)) {
+        assert!((rmse - pair[0]).abs() < 1e-12 && (mean - pair[1]).abs() < 1e-12, "{rmse} {mean} {pair:?}");
+        assert!(*rmse > 1e-6);
     }
 }
 
 /// Moments of inertia and the bias of a gyro by output error: the attitude determines them, the rates alone do not.
 #[test]
-fn parameters_are_told_by_the_attitude() {
+fn attitudes_determine_parameters() {
     let folder = folder();
     let path = folder.path();
     let recipe = r#"
@@ -205,22 +209,22 @@ segment = 150
     fs::write(path.join("known.toml"), recipe).unwrap();
     let fit = |logs: &str, method: &str| {
         let logs = [0, 1].map(|seed| format!("{logs}{seed}.csv"));
-        let said = ["fit", "parameters", "-c", "known.toml", "--method", method, &logs[0], &logs[1], "--json"];
-        fleetfoot(path, &said)
+        let arguments = ["fit", "parameters", "-c", "known.toml", "--method", method, &logs[0], &logs[1], "--json"];
+        fleetfoot(path, &arguments)
     };
-    let values = |said: Said| -> Vec<f64> {
-        let report = said.ok().json();
-        report["parameters"].as_array().unwrap().iter().map(|own| own["value"].as_f64().unwrap()).collect()
+    let values = |output: Run| -> Vec<f64> {
+        let report = output.ok().json();
+        report["parameters"].as_array().unwrap().iter().map(|parameter| parameter["value"].as_f64().unwrap()).collect()
     };
-    let (own, changed) = (values(fit("plain", "output-error")), values(fit("flips", "output-error")));
-    for ((own, changed), truth) in own.iter().zip(&changed).zip([2.0, 3.0, 0.0]) {
-        assert!((own - truth).abs() < 1e-6 && (own - changed).abs() < 1e-9, "{own} {changed}");
+    let (plain, changed) = (values(fit("plain", "output-error")), values(fit("flips", "output-error")));
+    for ((plain, changed), truth) in plain.iter().zip(&changed).zip([2.0, 3.0, 0.0]) {
+        assert!((plain - truth).abs() < 1e-6 && (plain - changed).abs() < 1e-9, "{plain} {changed}");
     }
-    // Of what is compared the attitude goes by its name, and tells all three.
+    // Compared by its name, the attitude alone determines all three.
     fs::write(path.join("known.toml"), format!("{recipe}compare = \"attitude\"\n")).unwrap();
     let alone = values(fit("flips", "output-error"));
-    assert!(alone.iter().zip([2.0, 3.0, 0.0]).all(|(own, truth)| (own - truth).abs() < 1e-6), "{alone:?}");
-    // The kinematics are not differentiated: what stands in them alone is told by simulations.
+    assert!(alone.iter().zip([2.0, 3.0, 0.0]).all(|(value, truth)| (value - truth).abs() < 1e-6), "{alone:?}");
+    // The kinematics are not differentiated: only simulations determine their parameters.
     fs::write(path.join("known.toml"), recipe.replace("segment = 150\n", "")).unwrap();
     fit("plain", "equation-error").fails(&["drift", "output-error"]);
 }
@@ -255,7 +259,7 @@ fn exported_code_brings_rotations_back() {
 /// A library names a rotation, whatever its columns are called; with `regressor = true` it has the entries of its
 /// matrix. A pendulum on a ball joint: gravity in the body's axes turns it.
 #[test]
-fn a_library_speaks_of_a_rotation_by_name() {
+fn libraries_read_rotations_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let mut text = String::from("time,a0,a1,a2,a3,wx,wy,wz\n");
@@ -296,21 +300,22 @@ fn a_library_speaks_of_a_rotation_by_name() {
     fs::write(path.join("entries.toml"), format!("{states}regressor = true\n[library]\nfunctions = [\"identity\"]\n"))
         .unwrap();
     for (recipe, gravity) in [("named.toml", 1.0), ("entries.toml", 9.81)] {
-        let said = fleetfoot(path, &["fit", "sindy", "-c", recipe, "swing.csv", "-o", "m.json", "--json"]).ok().json();
-        let equations = said["regions"][0]["equations"].as_array().unwrap();
+        let report =
+            fleetfoot(path, &["fit", "sindy", "-c", recipe, "swing.csv", "-o", "m.json", "--json"]).ok().json();
+        let equations = report["regions"][0]["equations"].as_array().unwrap();
         let coefficients: Vec<Vec<f64>> = equations
             .iter()
-            .map(|own| {
-                let terms = own["terms"].as_array().unwrap().iter();
-                let mut found: Vec<f64> = terms.map(|term| term["coefficient"].as_f64().unwrap()).collect();
-                found.sort_by(f64::total_cmp);
-                found
+            .map(|equation| {
+                let terms = equation["terms"].as_array().unwrap().iter();
+                let mut sorted: Vec<f64> = terms.map(|term| term["coefficient"].as_f64().unwrap()).collect();
+                sorted.sort_by(f64::total_cmp);
+                sorted
             })
             .collect();
         let truth = [vec![-gravity, -0.2], vec![-0.2, gravity], vec![-0.2]];
-        for (own, truth) in coefficients.iter().zip(&truth) {
-            assert_eq!(own.len(), truth.len(), "{said}");
-            assert!(own.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{own:?} {truth:?}");
+        for (fitted, truth) in coefficients.iter().zip(&truth) {
+            assert_eq!(fitted.len(), truth.len(), "{report}");
+            assert!(fitted.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{fitted:?} {truth:?}");
         }
     }
     // Rollouts read nothing of the recording.
@@ -321,7 +326,7 @@ fn a_library_speaks_of_a_rotation_by_name() {
 /// Columns that are no rotation are refused in words: with the file and the row if recorded, with the remedy if a
 /// recipe names them.
 #[test]
-fn what_is_no_rotation_is_refused() {
+fn invalid_rotations_are_refused() {
     let folder = folder();
     let path = folder.path();
     let broken = log(&body(200, 0), 0, false);
@@ -343,7 +348,7 @@ fn what_is_no_rotation_is_refused() {
         fleetfoot(path, &[&["fit", "sindy", "-c", "own.toml"], more].concat())
     };
     let message = fit(RECIPE, &["lost.csv"]).fails(&["lost.csv", "row 121", "attitude", "length 0", "--where"]);
-    // The mend that it tells.
+    // The mend in the message works.
     let condition = message.split('"').nth(1).unwrap().to_owned();
     fit(RECIPE, &["lost.csv", "--where", &condition]).ok();
     let refused = |from: &str, to: &str, words: &[&str]| {
@@ -362,7 +367,7 @@ fn what_is_no_rotation_is_refused() {
         &["[inputs] u", "states"],
     );
     refused("[library]", "[states.\"q.x\"]\nunit = \"rad\"\n[library]", &["q.x", "part of a rotation"]);
-    // A state that says nothing is the part.
+    // A state without a role is that part of the rotation.
     let whole =
         RECIPE.replace("[states]\n", "[states]\n\"q.w\" = {}\n").replace("[library]", "[states.\"q.z\"]\n[library]");
     fit(&whole, &["plain0.csv", "-o", "whole.json"]).ok();
@@ -425,25 +430,26 @@ fn filters_keep_rotations() {
     fleetfoot(path, &fit).ok();
     let pairs = |a: [&str; 7]| {
         let names = ["q.w", "q.x", "q.y", "q.z", "wx", "wy", "wz"];
-        names.iter().zip(a).map(|(name, own)| format!("{name}={own}")).collect::<Vec<_>>().join(",")
+        names.iter().zip(a).map(|(name, value)| format!("{name}={value}")).collect::<Vec<_>>().join(",")
     };
     let (measured, sensors) = (pairs(["0.02"; 7]), pairs(["m.w", "m.x", "m.y", "m.z", "nx", "ny", "nz"]));
     let truth = pairs(["q.w", "q.x", "q.y", "q.z", "wx", "wy", "wz"]);
     let asked = ["--measured", &measured, "--sensors", &sensors, "--truth", &truth, "-o", "filtered.csv", "--json"];
-    let said = fleetfoot(path, &[&["filter", "m.json", "body2.csv"], &asked[..]].concat()).ok().json();
-    for own in said["truth"].as_array().unwrap() {
-        let (error, raw) = (own["rmse"].as_f64().unwrap(), own["measured_rmse"].as_f64().unwrap());
-        assert!(error < 0.4 * raw && (raw - 0.02).abs() < 2e-3, "{own}");
+    let report = fleetfoot(path, &[&["filter", "m.json", "body2.csv"], &asked[..]].concat()).ok().json();
+    for estimate in report["truth"].as_array().unwrap() {
+        let (error, raw) = (estimate["rmse"].as_f64().unwrap(), estimate["measured_rmse"].as_f64().unwrap());
+        assert!(error < 0.4 * raw && (raw - 0.02).abs() < 2e-3, "{estimate}");
     }
-    // The attitude has three degrees of freedom, and so have the rates; errors of a filter without process noise last, so that their mean square is not told well.
-    let (nees, nis) = (&said["nees"], &said["nis"]);
+    // The attitude has three degrees of freedom, and so have the rates; errors of a filter without process noise last, so that their mean square is known badly.
+    let (nees, nis) = (&report["nees"], &report["nis"]);
     assert_eq!(nees["freedom"], 6, "{nees}");
     assert!((0.2..3.0).contains(&nees["mean"].as_f64().unwrap()), "{nees}");
     assert!((0.9..1.1).contains(&nis["mean"].as_f64().unwrap()), "{nis}");
     let text = fs::read_to_string(path.join("filtered.csv")).unwrap();
     let mut lines = text.lines();
     let title: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let place = |name: &str| title.iter().position(|own| *own == name).unwrap_or_else(|| panic!("{name} in {title:?}"));
+    let place =
+        |name: &str| title.iter().position(|column| *column == name).unwrap_or_else(|| panic!("{name} in {title:?}"));
     let places = ["q.w", "q.x", "q.y", "q.z"].map(place);
     for line in lines {
         let cells: Vec<&str> = line.split(',').collect();

@@ -51,7 +51,7 @@ fn write_run(folder: &Path, run: u32) -> String {
             let t = t + 0.0025;
             odom += &format!("{t:.4},{},{}\n", 2.0 * t, speed(t));
             let (low, high) = (0.005 * f64::from(k), 0.005 * f64::from(k + 1));
-            let last = commands.iter().rposition(|&own| (1e3 * own).round() <= 1e3 * t).unwrap();
+            let last = commands.iter().rposition(|&command| (1e3 * command).round() <= 1e3 * t).unwrap();
             joined += &format!("{t:.4},{},{},{}\n", speed(t), 0.5 * (ax(low) + ax(high)), u(last));
         }
     }
@@ -72,7 +72,7 @@ fn numbers(value: &serde_json::Value, into: &mut Vec<f64>) {
 }
 
 #[test]
-fn files_of_a_run_fit_as_one_file_that_was_joined_by_hand() {
+fn split_files_equal_one_joined_file() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     (0..2).for_each(|run| _ = write_run(folder, run));
@@ -82,19 +82,19 @@ fn files_of_a_run_fit_as_one_file_that_was_joined_by_hand() {
         let words = ["fit", "pwa", "-c", recipe, "--partition", "average", "-o", model];
         fleetfoot(folder, &[&words[..], data].concat()).ok()
     };
-    let said = fit("files.toml", &["runs"], "files.json");
-    assert!(said.err.contains("one row per row of odom"), "{}", said.err);
+    let output = fit("files.toml", &["runs"], "files.json");
+    assert!(output.err.contains("one row per row of odom"), "{}", output.err);
     fit("one.toml", &["joined_0.csv", "joined_1.csv"], "one.json");
     let score = |model: &str, data: &[&str]| fleetfoot(folder, &[&["score", model, "--json"], data].concat()).ok();
     let files = score("files.json", &["runs"]).json();
-    let one = score("one.json", &["joined_0.csv", "joined_1.csv"]).json();
+    let joined = score("one.json", &["joined_0.csv", "joined_1.csv"]).json();
     assert!(files["rows"].as_u64().unwrap() > 700, "{files}");
     let (mut of_files, mut of_one) = (Vec::new(), Vec::new());
     numbers(&files, &mut of_files);
-    numbers(&one, &mut of_one);
+    numbers(&joined, &mut of_one);
     assert_eq!(of_files.len(), of_one.len());
     for (a, b) in of_files.iter().zip(&of_one) {
-        assert!((a - b).abs() <= 1e-9 * b.abs().max(1.0), "{a} is not {b}: {files}\n{one}");
+        assert!((a - b).abs() <= 1e-9 * b.abs().max(1.0), "{a} is not {b}: {files}\n{joined}");
     }
     // A model opens the files of a run by its own recipe; a run is one episode, called as its folder.
     fleetfoot(folder, &["predict", "files.json", "runs/run_1", "-o", "predicted.csv"]).ok();
@@ -106,7 +106,7 @@ fn files_of_a_run_fit_as_one_file_that_was_joined_by_hand() {
     assert!(by_imu["rows"].as_u64().unwrap() > 1500, "{by_imu}");
     let scanned = fleetfoot(folder, &["scan", "-c", "files.toml", "runs", "-o", "runs.stats"]).ok();
     assert!(scanned.out.contains("2 files, 2 episodes"), "{}", scanned.out);
-    // What `prepare` writes is one file a run.
+    // `prepare` writes one file a run.
     fleetfoot(folder, &["prepare", "-c", "files.toml", "runs", "-o", "clean"]).ok();
     assert!(folder.join("clean/run_1.clean.parquet").exists());
     let clean = ["fit", "pwa", "-c", "clean/robot.toml", "clean", "--partition", "average", "-o", "clean.json"];
@@ -114,7 +114,7 @@ fn files_of_a_run_fit_as_one_file_that_was_joined_by_hand() {
 }
 
 #[test]
-fn files_that_make_no_run_are_told_with_the_mend() {
+fn incomplete_runs_are_refused_with_the_mend() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     write_run(folder, 0);
@@ -130,8 +130,8 @@ fn files_that_make_no_run_are_told_with_the_mend() {
     fs::copy(run.join("imu_0.csv"), run.join("imu_1.csv")).unwrap();
     fit(RECIPE, &[]).fails(&["run_0", "imu_0.csv", "imu_1.csv", "imu = \"imu*.csv\"", "[files]", "narrow the pattern"]);
     fs::rename(run.join("imu_1.csv"), run.join("notes.csv")).unwrap();
-    let told = fit(RECIPE, &[]).ok().err;
-    assert!(told.contains("notes.csv") && told.contains("no pattern of [files]"), "{told}");
+    let notes = fit(RECIPE, &[]).ok().err;
+    assert!(notes.contains("notes.csv") && notes.contains("no pattern of [files]"), "{notes}");
     changed("imu.ax", "imu.az").fails(&["run_0", "[columns] a", "imu.az", "imu.ax"]);
     fit(RECIPE, &["--base", "imuu"]).fails(&["run_0", "imuu", "[files]", "`imu`, `odom`, `cmd`"]);
     fit(RECIPE, &["--dt", "0.1"]).fails(&["run_0", "[files]", "--dt"]);
@@ -153,7 +153,7 @@ fn files_that_make_no_run_are_told_with_the_mend() {
 
 /// `info` names files of one run, and `init` writes the recipe that joins them, which is ready for a fit.
 #[test]
-fn a_recipe_for_the_files_of_runs_is_drafted() {
+fn init_drafts_recipes_for_files() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     (0..2).for_each(|run| drop(write_run(folder, run)));
@@ -164,16 +164,19 @@ fn a_recipe_for_the_files_of_runs_is_drafted() {
     let info = fleetfoot(folder, &["info", "runs/run_0", "--values", "--json"]).ok().json();
     let note = info[0]["notes"].as_array().unwrap().last().unwrap().as_str().unwrap();
     assert!(note.contains("files of one run") && note.contains("imu = \"imu_0.csv\""), "{note}");
-    let said = fleetfoot(folder, &["init", "runs", "-o", "draft.toml"]).ok();
+    let output = fleetfoot(folder, &["init", "runs", "-o", "draft.toml"]).ok();
     let draft = fs::read_to_string(folder.join("draft.toml")).unwrap();
     let section = "[files]\ncmd = \"cmd.csv\"\nimu = \"imu*.csv\"\nodom = \"odom.csv\"\n";
-    assert!(draft.contains(section) && !said.err.contains("note:"), "{draft}{}", said.err);
-    assert!(said.err.contains("read the draft of states and inputs, then run fleetfoot fit"), "{}", said.err);
+    assert!(draft.contains(section) && !output.err.contains("note:"), "{draft}{}", output.err);
+    assert!(output.err.contains("read the draft of states and inputs, then run fleetfoot fit"), "{}", output.err);
     // States are where the robot is, inputs what it was told; the rows are those of the states.
     for line in
         ["odom_v = \"odom.v\"", "odom_v = {}", "odom_x = {}", "cmd_u = {}", "base = \"odom\"", "# ax = \"imu.ax\""]
     {
-        assert!(draft.lines().any(|own| own == line || own.starts_with(&format!("{line} "))), "{line}: {draft}");
+        assert!(
+            draft.lines().any(|drafted| drafted == line || drafted.starts_with(&format!("{line} "))),
+            "{line}: {draft}"
+        );
     }
     assert!(!draft.contains("imu.t\"") && !draft.contains("odom.stamp"), "clocks are no columns: {draft}");
     let fit = ["fit", "pwa", "-c", "draft.toml", "-p", "average", "-o", "model.json"];
@@ -194,10 +197,10 @@ fn a_recipe_for_the_files_of_runs_is_drafted() {
             echo.lines().map(|line| line.split(',').take(2).collect::<Vec<_>>().join(",") + "\n").collect();
         fs::write(at("echo.csv"), echo).unwrap();
     }
-    let said = fleetfoot(folder, &["init", "nested", "-o", "nested.toml"]).ok();
+    let output = fleetfoot(folder, &["init", "nested", "-o", "nested.toml"]).ok();
     let draft = fs::read_to_string(folder.join("nested.toml")).unwrap();
     let lines = ["drive = \"drive/data.csv\"", "imu = \"imu/data.csv\"", "odom = \"odom.csv\"", "echo = \"echo.csv\""];
-    assert!(lines.iter().all(|line| draft.lines().any(|own| own == *line)), "{draft}{}", said.err);
+    assert!(lines.iter().all(|line| draft.lines().any(|drafted| drafted == *line)), "{draft}{}", output.err);
     fleetfoot(folder, &["fit", "pwa", "-c", "nested.toml", "-p", "average", "-o", "nested.json", "nested"]).ok();
     // Recordings of one kind in folders of their own, one of which has a column more, are no run.
     for (name, columns) in [("a", "t,x"), ("b", "t,x,y")] {
@@ -209,13 +212,13 @@ fn a_recipe_for_the_files_of_runs_is_drafted() {
     }
     assert!(!fleetfoot(folder, &["init", "days"]).ok().out.contains("[files]"));
     // Files of the same columns are runs of one file; those whose clocks do not meet are no run.
-    let said = fleetfoot(folder, &["init", "joined_0.csv", "joined_1.csv"]).ok();
-    assert!(!said.out.contains("[files]") && said.err.contains("joined_0.csv and files like it"), "{}", said.err);
+    let output = fleetfoot(folder, &["init", "joined_0.csv", "joined_1.csv"]).ok();
+    assert!(!output.out.contains("[files]") && output.err.contains("joined_0.csv and files like it"), "{}", output.err);
     assert!(!fleetfoot(folder, &["info", "joined_0.csv", "joined_1.csv"]).ok().out.contains("[files]"));
     let late = fs::read_to_string(folder.join("runs/run_0/cmd.csv")).unwrap();
     let late: Vec<String> =
         late.lines().map(|line| if line == "t,u" { line.into() } else { format!("9{line}") }).collect();
     fs::write(folder.join("runs/run_0/cmd.csv"), late.join("\n")).unwrap();
-    let said = fleetfoot(folder, &["init", "runs/run_0"]).ok();
-    assert!(!said.out.contains("[files]") && said.err.contains("overlapping clocks"), "{}", said.err);
+    let output = fleetfoot(folder, &["init", "runs/run_0"]).ok();
+    assert!(!output.out.contains("[files]") && output.err.contains("overlapping clocks"), "{}", output.err);
 }

@@ -11,13 +11,13 @@ pub(crate) use std::{
 };
 
 /// Exit code and output of a run.
-pub(crate) struct Said {
+pub(crate) struct Run {
     pub(crate) code: i32,
     pub(crate) out: String,
     pub(crate) err: String,
 }
 
-impl Said {
+impl Run {
     /// The output as JSON; for runs with `--json`.
     pub(crate) fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {}\n{}", self.out, self.err))
@@ -40,25 +40,25 @@ impl Said {
 }
 
 /// Runs `fleetfoot` in a folder.
-pub(crate) fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
+pub(crate) fn fleetfoot(folder: &Path, arguments: &[&str]) -> Run {
     let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
         .current_dir(folder)
         .args(arguments)
         .output()
         .expect("the command runs");
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-    Said { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
+    Run { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
 }
 
 /// Runs `fleetfoot` in a folder; a run that takes longer is killed, which is a failure.
-pub(crate) fn fleetfoot_within(folder: &Path, arguments: &[&str], limit: Duration) -> Said {
+pub(crate) fn fleetfoot_within(folder: &Path, arguments: &[&str], limit: Duration) -> Run {
     Running::start(folder, arguments).end(limit)
 }
 
 /// `fleetfoot` under way.
 pub(crate) struct Running {
     child: Child,
-    what: String,
+    command: String,
 }
 
 impl Running {
@@ -72,7 +72,7 @@ impl Running {
             Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
         };
         let child = command.current_dir(folder).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        Self { child: child.expect("the command runs"), what: arguments.join(" ") }
+        Self { child: child.expect("the command runs"), command: arguments.join(" ") }
     }
 
     /// Waits until the command answers to signals: on a loaded machine its start may take longer than a test waits.
@@ -84,7 +84,7 @@ impl Running {
             let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
             Some(u64::from_str_radix(caught.trim(), 16).ok()? & TERM != 0)
         };
-        // Where there is no such file, it is hoped that the test has waited for long enough.
+        // Without such a file, the test is assumed to have waited for long enough.
         let begin = Instant::now();
         while listens() == Some(false) && begin.elapsed() < Duration::from_secs(20) {
             std::thread::sleep(Duration::from_millis(2));
@@ -98,7 +98,7 @@ impl Running {
             self.until_it_listens();
         }
         let sent = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
-        assert!(sent.expect("kill runs").success(), "{} is there no more", self.what);
+        assert!(sent.expect("kill runs").success(), "{} is there no more", self.command);
     }
 
     /// Returns true if it has ended by itself.
@@ -107,7 +107,7 @@ impl Running {
     }
 
     /// Waits for its end.
-    pub(crate) fn end(mut self, limit: Duration) -> Said {
+    pub(crate) fn end(mut self, limit: Duration) -> Run {
         let read = |pipe: Option<Box<dyn Read + Send>>| {
             std::thread::spawn(move || {
                 let mut text = String::new();
@@ -121,12 +121,12 @@ impl Running {
         while !self.has_ended() {
             if begin.elapsed() > limit {
                 self.child.kill().expect("it is there");
-                panic!("{}: not done after {limit:?}", self.what);
+                panic!("{}: not done after {limit:?}", self.command);
             }
             std::thread::sleep(Duration::from_millis(5));
         }
         let code = self.child.wait().expect("a child").code().unwrap_or(-1);
-        Said { code, out: out.join().expect("a reader"), err: err.join().expect("a reader") }
+        Run { code, out: out.join().expect("a reader"), err: err.join().expect("a reader") }
     }
 }
 

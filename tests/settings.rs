@@ -87,7 +87,7 @@ fn recipe_of(folder: &Path, model: &str) -> String {
 }
 
 #[test]
-fn flags_stand_above_recipes_and_a_saved_recipe_fits_the_same_bytes() {
+fn flags_override_recipes() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     for run in 0..2 {

@@ -39,8 +39,8 @@ const LATE: &str = "[states]\nq = { column = \"q\", known = \"v\" }\nv = { colum
 const DAMPED: &str = "[constraints]\ndamping = { coefficients = { v = [\"v\", \"abs(v)*v\"] }, at_most = 0.0 }\n";
 
 /// The conditions of the least squared error where damping does not drive, from the rows of the files.
-fn conditions(path: &Path, files: &[String], found: &[(String, f64)]) {
-    let value = |name: &str| found.iter().find(|(function, _)| function == name).map_or(0.0, |(_, value)| *value);
+fn conditions(path: &Path, files: &[String], terms: &[(String, f64)]) {
+    let value = |name: &str| terms.iter().find(|(function, _)| function == name).map_or(0.0, |(_, value)| *value);
     let (mut slopes, mut sizes, mut target) = ([0.0; 5], [0.0_f64; 5], 0.0);
     for file in files {
         for line in fs::read_to_string(path.join(file)).unwrap().lines().skip(1) {
@@ -59,7 +59,7 @@ fn conditions(path: &Path, files: &[String], found: &[(String, f64)]) {
     for (j, name) in ["q", "v", "u", "v*abs(v)", "q^3"].into_iter().enumerate() {
         let slope = slopes[j] / (sizes[j] * target).sqrt();
         match value(name) {
-            // What is not in it for its sign would lessen the error with the other one.
+            // A coefficient at its bound of zero would lessen the error with the other sign.
             0.0 if name == "v" => assert!(slope > 1e-3, "{name}: {slope}"),
             0.0 => {}
             // Rounding of 7,000 rows, condition 10.
@@ -69,7 +69,7 @@ fn conditions(path: &Path, files: &[String], found: &[(String, f64)]) {
 }
 
 #[test]
-fn coefficients_keep_the_signs_that_they_must_have() {
+fn coefficients_keep_their_required_signs() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     let files = late(path, 8);
@@ -78,33 +78,33 @@ fn coefficients_keep_the_signs_that_they_must_have() {
         |arguments: &[&'static str]| -> Vec<&str> { arguments.iter().copied().chain(logs.iter().copied()).collect() };
     fs::write(path.join("free.toml"), LATE).unwrap();
     fs::write(path.join("damped.toml"), format!("{LATE}{DAMPED}")).unwrap();
-    let terms = |found: &serde_json::Value| equations(found, 0)[0].1.clone();
-    let of = |found: &serde_json::Value, name: &str| {
-        terms(found).iter().find(|(function, _)| function == name).map_or(0.0, |(_, value)| *value)
+    let terms = |report: &serde_json::Value| equations(report, 0)[0].1.clone();
+    let of = |report: &serde_json::Value, name: &str| {
+        terms(report).iter().find(|(function, _)| function == name).map_or(0.0, |(_, value)| *value)
     };
     let free = fit(path, &with(&["-c", "free.toml", "-o", "free.json"])).ok().json();
     // 4/s^2 times 50 ms are 0.2/s, of which the damping takes its 0.1/s.
     assert!((of(&free, "v") - 0.1).abs() < 0.03 && free["limits"].is_null(), "{free}");
-    let found = fit(path, &with(&["-c", "damped.toml", "-o", "damped.json"])).ok().json();
-    assert!(of(&found, "v") == 0.0 && of(&found, "v*abs(v)") <= 0.0 && of(&found, "q") < -3.5, "{found}");
-    conditions(path, &files, &terms(&found));
-    let equation = |found: &serde_json::Value| found["regions"][0]["equations"][0].clone();
-    let (own, other) = (equation(&found), equation(&free));
+    let report = fit(path, &with(&["-c", "damped.toml", "-o", "damped.json"])).ok().json();
+    assert!(of(&report, "v") == 0.0 && of(&report, "v*abs(v)") <= 0.0 && of(&report, "q") < -3.5, "{report}");
+    conditions(path, &files, &terms(&report));
+    let equation = |report: &serde_json::Value| report["regions"][0]["equations"][0].clone();
+    let (constrained, other) = (equation(&report), equation(&free));
     for (price, plain) in [("free_rms", "rms"), ("free_held_out_rms", "held_out_rms")] {
-        assert_eq!(own[price], other[plain], "{found}");
-        assert!(number(&own[plain]) > 1.02 * number(&own[price]), "{found}");
+        assert_eq!(constrained[price], other[plain], "{report}");
+        assert!(number(&constrained[plain]) > 1.02 * number(&constrained[price]), "{report}");
     }
-    let limits = found["limits"].as_array().unwrap();
+    let limits = report["limits"].as_array().unwrap();
     assert_eq!(limits[0]["name"], "damping, v of d(v)/dt");
     assert_eq!((limits[0]["side"].as_str(), number(&limits[0]["nearest"])), (Some("at most"), 0.0));
-    assert_eq!(limits[0]["cuts"], 1, "{found}");
+    assert_eq!(limits[0]["cuts"], 1, "{report}");
 
     // From one thread, and from the statistic of the logs, by the recipe of the scan.
     fit(path, &with(&["-c", "damped.toml", "-o", "one.json", "--threads", "1"])).ok();
     same(path, "damped.json", "one.json");
     fleetfoot(path, &[&["scan"][..], &with(&["-c", "damped.toml", "-o", "late.stats"])].concat()).ok();
     let again = fit(path, &["late.stats", "-o", "statistic.json"]).ok().json();
-    assert_eq!(equation(&again)["terms"], own["terms"]);
+    assert_eq!(equation(&again)["terms"], constrained["terms"]);
     // A bound that excludes 0 keeps its term; the bounds are those of every region and member.
     let push = "[constraints]\nspring = { coefficients = { v = [\"q\"] }, at_least = -3.0 }\npush = { coefficients = { v = [\"v\"] }, at_least = -0.3, at_most = -0.1 }\n";
     fs::write(path.join("push.toml"), format!("{LATE}{push}")).unwrap();
@@ -117,14 +117,14 @@ fn coefficients_keep_the_signs_that_they_must_have() {
     ] {
         let arguments = [&["-c", "push.toml", "-o", "push.json"][..], more].concat();
         let all: Vec<&str> = arguments.into_iter().chain(logs.iter().copied()).collect();
-        let found = fit(path, &all).ok().json();
-        for region in 0..found["regions"].as_array().unwrap().len() {
-            let terms = &equations(&found, region)[0].1;
+        let report = fit(path, &all).ok().json();
+        for region in 0..report["regions"].as_array().unwrap().len() {
+            let terms = &equations(&report, region)[0].1;
             let value = |name: &str| terms.iter().find(|(function, _)| function == name).map(|(_, value)| *value);
             assert_eq!((value("q"), value("v")), (Some(-3.0), Some(-0.1)), "{more:?}: {terms:?}");
         }
-        let term = &equation(&found)["terms"][0];
-        assert!(term["function"] == "q" && term["standard_error"].is_null(), "{found}");
+        let term = &equation(&report)["terms"][0];
+        assert!(term["function"] == "q" && term["standard_error"].is_null(), "{report}");
     }
     let text =
         fleetfoot(path, &[&["fit", "sindy"][..], &with(&["-c", "damped.toml", "-o", "text.json"])].concat()).ok().out;

@@ -4,7 +4,7 @@ use std::{fmt::Write, fs};
 
 use crate::runner::*;
 
-pub(crate) fn fit(folder: &Path, arguments: &[&str]) -> Said {
+pub(crate) fn fit(folder: &Path, arguments: &[&str]) -> Run {
     let all: Vec<&str> = ["fit", "sindy", "--json"].into_iter().chain(arguments.iter().copied()).collect();
     fleetfoot(folder, &all)
 }
@@ -14,7 +14,7 @@ pub(crate) fn number(value: &serde_json::Value) -> f64 {
 }
 
 /// `(label, [(function, coefficient)])` of the equations of a region.
-pub(crate) fn equations(found: &serde_json::Value, region: usize) -> Vec<(String, Vec<(String, f64)>)> {
+pub(crate) fn equations(report: &serde_json::Value, region: usize) -> Vec<(String, Vec<(String, f64)>)> {
     let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
     let terms = |equation: &serde_json::Value| {
         equation["terms"]
@@ -24,23 +24,23 @@ pub(crate) fn equations(found: &serde_json::Value, region: usize) -> Vec<(String
             .map(|term| (text(&term["function"]), number(&term["coefficient"])))
             .collect()
     };
-    let equations = found["regions"][region]["equations"].as_array().unwrap_or_else(|| panic!("{found}"));
+    let equations = report["regions"][region]["equations"].as_array().unwrap_or_else(|| panic!("{report}"));
     equations.iter().map(|equation| (text(&equation["label"]), terms(equation))).collect()
 }
 
 #[track_caller]
-fn check(found: &serde_json::Value, region: usize, expected: &[(&str, &[(&str, f64)])], tolerance: f64) {
-    let equations = equations(found, region);
+fn check(report: &serde_json::Value, region: usize, expected: &[(&str, &[(&str, f64)])], tolerance: f64) {
+    let equations = equations(report, region);
     assert_eq!(equations.len(), expected.len(), "{equations:?}");
     for ((label, terms), (expected_label, expected_terms)) in equations.iter().zip(expected) {
         assert_eq!(label, expected_label);
         let mut terms = terms.clone();
         terms.sort_by(|a, b| a.0.cmp(&b.0));
-        let mut wanted = expected_terms.to_vec();
-        wanted.sort_by(|a, b| a.0.cmp(b.0));
+        let mut expected_sorted = expected_terms.to_vec();
+        expected_sorted.sort_by(|a, b| a.0.cmp(b.0));
         let names: Vec<&str> = terms.iter().map(|(function, _)| function.as_str()).collect();
-        assert_eq!(names, wanted.iter().map(|(function, _)| *function).collect::<Vec<_>>(), "{label}");
-        for ((function, value), (_, exact)) in terms.iter().zip(&wanted) {
+        assert_eq!(names, expected_sorted.iter().map(|(function, _)| *function).collect::<Vec<_>>(), "{label}");
+        for ((function, value), (_, exact)) in terms.iter().zip(&expected_sorted) {
             assert!((value - exact).abs() <= tolerance * exact.abs(), "{label}, {function}: {value}, not {exact}");
         }
     }
@@ -64,9 +64,9 @@ fn trajectory<const N: usize>(
     let h = dt / STEPS as f64;
     let moved = |x: [f64; N], k: [f64; N], h: f64| std::array::from_fn(|i| x[i] + h * k[i]);
     let mut x = start;
-    let mut found = Vec::with_capacity(rows);
+    let mut samples = Vec::with_capacity(rows);
     for _ in 0..rows {
-        found.push((x, f(x)));
+        samples.push((x, f(x)));
         for _ in 0..STEPS {
             let a = f(x);
             let b = f(moved(x, a, h / 2.0));
@@ -75,7 +75,7 @@ fn trajectory<const N: usize>(
             x = std::array::from_fn(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
         }
     }
-    found
+    samples
 }
 
 /// Lorenz's system with its exact derivatives every 0.01 s: `t, x, y, z, dx, dy, dz`.
@@ -115,19 +115,19 @@ fn lorenz_by_every_optimiser() {
         (&["--optimizer", "ssr"], 1e-9),
         (&["--optimizer", "sr3", "--threshold", "0.5"], 1e-6),
     ] {
-        let found = fit(path, &with(&base, more)).ok().json();
-        check(&found, 0, &LORENZ, tolerance);
-        let equation = &found["regions"][0]["equations"][1];
+        let report = fit(path, &with(&base, more)).ok().json();
+        check(&report, 0, &LORENZ, tolerance);
+        let equation = &report["regions"][0]["equations"][1];
         assert!(number(&equation["r2"]) > 1.0 - 1e-12, "{more:?}: {equation}");
         assert!(equation["terms"].as_array().unwrap().iter().all(|term| number(&term["standard_error"]) < 1e-6));
     }
     // A greedy order takes terms that later ones make superfluous: with exact data these have coefficients of rounding.
     for optimizer in ["frols", "lasso"] {
-        let found = fit(path, &with(&base, &["--optimizer", optimizer])).ok().json();
-        for ((label, terms), (_, exact)) in equations(&found, 0).iter().zip(LORENZ) {
+        let report = fit(path, &with(&base, &["--optimizer", optimizer])).ok().json();
+        for ((label, terms), (_, exact)) in equations(&report, 0).iter().zip(LORENZ) {
             for (function, value) in terms {
-                let wanted = exact.iter().find(|(name, _)| name == function).map_or(0.0, |(_, value)| *value);
-                assert!((value - wanted).abs() < 1e-9, "{optimizer}, {label}, {function}: {value}");
+                let expected = exact.iter().find(|(name, _)| name == function).map_or(0.0, |(_, value)| *value);
+                assert!((value - expected).abs() < 1e-9, "{optimizer}, {label}, {function}: {value}");
             }
             assert!(exact.iter().all(|(name, _)| terms.iter().any(|(function, _)| function == name)), "{terms:?}");
         }
@@ -140,22 +140,22 @@ fn lorenz_by_groups() {
     let folder = folder("lorenz.csv", &lorenz(4000));
     let path = folder.path();
     let base = with(&["lorenz.csv", "--states", "x,y,z", "--library", "poly(2)"], &EXACT);
-    let found = fit(path, &with(&base, &["--groups", "signal"])).ok().json();
-    assert_eq!(found["optimizer"].as_str().unwrap_or("group-lasso"), "group-lasso", "{found}");
-    for ((label, terms), (_, exact)) in equations(&found, 0).iter().zip(LORENZ) {
+    let report = fit(path, &with(&base, &["--groups", "signal"])).ok().json();
+    assert_eq!(report["optimizer"].as_str().unwrap_or("group-lasso"), "group-lasso", "{report}");
+    for ((label, terms), (_, exact)) in equations(&report, 0).iter().zip(LORENZ) {
         let has = |name: &str| terms.iter().any(|(function, _)| function == name);
         assert!(exact.iter().all(|(name, _)| has(name)), "{label}: {terms:?}");
         for signal in ["x", "y", "z"] {
             assert_eq!(has(signal), has(&format!("{signal}^2")), "{label}: {terms:?}");
         }
         for (function, value) in terms {
-            let wanted = exact.iter().find(|(name, _)| name == function).map_or(0.0, |(_, value)| *value);
-            assert!((value - wanted).abs() < 1e-8, "{label}, {function}: {value}");
+            let expected = exact.iter().find(|(name, _)| name == function).map_or(0.0, |(_, value)| *value);
+            assert!((value - expected).abs() < 1e-8, "{label}, {function}: {value}");
         }
     }
     let sparse = ["--optimizer", "group-lasso", "--l1-ratio", "0.5", "--terms", "4"];
-    let found = fit(path, &with(&base, &sparse)).ok().json();
-    assert!(equations(&found, 0).iter().all(|(_, terms)| terms.len() <= 4), "{found}");
+    let report = fit(path, &with(&base, &sparse)).ok().json();
+    assert!(equations(&report, 0).iter().all(|(_, terms)| terms.len() <= 4), "{report}");
 }
 
 /// Central differences of order 2 are wrong by the square of the step: so are the coefficients, of the right terms.
@@ -165,10 +165,10 @@ fn lorenz_by_finite_differences() {
         let folder = folder("lorenz.csv", &lorenz_every(dt, rows));
         let mut arguments = vec!["lorenz.csv", "--states", "x,y,z", "--threshold", "0.5", "--library", "poly(3)"];
         arguments.extend(["--derivative", "x=central", "--derivative", "y=central", "--derivative", "z=central"]);
-        let found = fit(folder.path(), &arguments);
-        let found = found.ok().json();
-        check(&found, 0, &LORENZ, 0.05);
-        equations(&found, 0)[1]
+        let report = fit(folder.path(), &arguments);
+        let report = report.ok().json();
+        check(&report, 0, &LORENZ, 0.05);
+        equations(&report, 0)[1]
             .1
             .iter()
             .find(|(name, _)| name == "x")
@@ -181,13 +181,13 @@ fn lorenz_by_finite_differences() {
 /// Functions that explain the error of the differences are no dynamics. Clean states give the true terms at every rate
 /// that resolves them, without a threshold.
 #[test]
-fn terms_do_not_explain_the_error_of_differences() {
+fn terms_ignore_errors_of_differences() {
     for dt in [0.002, 0.01] {
         let folder = folder("lorenz.csv", &lorenz_every(dt, 6000));
         let base = ["lorenz.csv", "--states", "x,y,z", "--library", "poly(3)"];
         for more in [&[][..], &["--select", "cv"], &["--select", "bic"], &["--normalize"]] {
-            let found = fit(folder.path(), &with(&base, more)).ok().json();
-            check(&found, 0, &LORENZ, 0.06);
+            let report = fit(folder.path(), &with(&base, more)).ok().json();
+            check(&report, 0, &LORENZ, 0.06);
         }
     }
 }
@@ -225,18 +225,18 @@ fn driven(rows: usize, tau: f64) -> String {
     for row in 0..rows {
         let t = row as f64 * dt;
         let u = (1.7 * t).sin() + 0.8 * (0.6 * t * t.sqrt()).cos() + if (t / 0.9).fract() < 0.5 { 0.7 } else { -0.4 };
-        let own = lagged.unwrap_or(u);
-        let (dv, dw) = (u - 0.5 * v - 0.3 * v * v.abs(), 3.0 * own - 2.0 * w);
+        let filtered = lagged.unwrap_or(u);
+        let (dv, dw) = (u - 0.5 * v - 0.3 * v * v.abs(), 3.0 * filtered - 2.0 * w);
         let _ = writeln!(text, "{t},{v},{u},{dv},{w},{dw},{}", 2.0 * u.sin() - v * v);
         v += dt * dv;
         w += dt * dw;
-        lagged = Some(own + (1.0 - (-dt / tau).exp()) * (u - own));
+        lagged = Some(filtered + (1.0 - (-dt / tau).exp()) * (u - filtered));
     }
     text
 }
 
 #[test]
-fn residual_dynamics_libraries_of_equations_and_fixed_terms() {
+fn recipes_set_nominal_and_fixed_terms() {
     let folder = folder("driven.csv", &driven(3000, 0.07));
     let path = folder.path();
     let recipe = r#"
@@ -249,13 +249,13 @@ u = "u"
 threshold = 0.01
 "#;
     fs::write(path.join("r.toml"), recipe).unwrap();
-    let found = fit(path, &["-c", "r.toml", "driven.csv", "-o", "m.json"]).ok().json();
-    let terms = equations(&found, 0);
+    let report = fit(path, &["-c", "r.toml", "driven.csv", "-o", "m.json"]).ok().json();
+    let terms = equations(&report, 0);
     let names = |at: usize| terms[at].1.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>();
     assert_eq!((names(0), names(1)), (vec!["1", "v*abs(v)"], vec!["w", "lag1(u, 0.07)"]));
     assert!(terms[0].1[0].1.abs() < 1e-9 && (terms[0].1[1].1 + 0.3).abs() < 1e-9, "{terms:?}");
     assert!((terms[1].1[0].1 + 2.0).abs() < 1e-9 && (terms[1].1[1].1 - 3.0).abs() < 1e-9, "{terms:?}");
-    let first = &found["regions"][0]["equations"][0];
+    let first = &report["regions"][0]["equations"][0];
     assert!(first["right"].as_str().unwrap().starts_with("u - 0.5*v"), "{first}");
     assert_eq!(first["terms"][0]["fixed"], true);
     // The filter goes along with the model.
@@ -279,9 +279,9 @@ fn a_circle_has_one_term_an_equation() {
     }
     let folder = folder("circle.csv", &text);
     for select in ["one-se", "cv", "bic"] {
-        let found = fit(folder.path(), &["circle.csv", "--states", "x,y", "--select", select]).ok().json();
+        let report = fit(folder.path(), &["circle.csv", "--states", "x,y", "--select", select]).ok().json();
         // Central differences of a sine at 10 ms are low by 1.7e-5.
-        check(&found, 0, &[("d(x)/dt", &[("y", 1.0)]), ("d(y)/dt", &[("x", -1.0)])], 2e-5);
+        check(&report, 0, &[("d(x)/dt", &[("y", 1.0)]), ("d(y)/dt", &[("x", -1.0)])], 2e-5);
     }
 }
 
@@ -289,7 +289,7 @@ fn a_circle_has_one_term_an_equation() {
 fn parameters_inside_expressions_are_estimated() {
     let folder = folder("driven.csv", &driven(4000, 0.07));
     let path = folder.path();
-    let found = fit(
+    let report = fit(
         path,
         &[
             "driven.csv",
@@ -311,9 +311,9 @@ fn parameters_inside_expressions_are_estimated() {
     )
     .ok()
     .json();
-    let tau = &found["parameters"][0];
+    let tau = &report["parameters"][0];
     assert!((number(&tau["value"]) - 0.07).abs() < 1e-6, "{tau}");
-    let terms = &equations(&found, 0)[0].1;
+    let terms = &equations(&report, 0)[0].1;
     assert!(terms.len() == 2 && (terms[0].1 + 2.0).abs() < 1e-5 && (terms[1].1 - 3.0).abs() < 1e-5, "{terms:?}");
     fleetfoot(path, &["score", "m.json", "driven.csv"]).ok();
 }
@@ -355,7 +355,7 @@ fn equations_in_regions() {
         "u",
         "--derivative",
         "v=dv",
-        // Where a region saw little of v, a ridge would keep terms that only it needs.
+        // In a region that saw little of v, a ridge would keep terms that no other region needs.
         "--ridge",
         "0",
         "--threshold",
@@ -363,12 +363,12 @@ fn equations_in_regions() {
         "--partition",
         "labels:mode",
     ];
-    let found = fit(folder.path(), &arguments).ok().json();
+    let report = fit(folder.path(), &arguments).ok().json();
     let grip = [("d(v)/dt", &[("v", -2.0), ("u", 3.0)][..])];
     let slip = [("d(v)/dt", &[("1", 1.0), ("v", -5.0), ("u", 2.0)][..])];
-    assert_eq!(found["regions"][0]["name"], "grip", "{found}");
-    check(&found, 0, &grip, 1e-8);
-    check(&found, 1, &slip, 1e-8);
+    assert_eq!(report["regions"][0]["name"], "grip", "{report}");
+    check(&report, 0, &grip, 1e-8);
+    check(&report, 1, &slip, 1e-8);
     fleetfoot(folder.path(), &["score", "model.json", "robot.csv"]).ok();
     let clustered = fit(folder.path(), &with(&arguments[..13], &["--partition", "kmeans:2", "--folds", "5"]));
     assert_eq!(clustered.ok().json()["regions"].as_array().map(Vec::len), Some(2));
@@ -383,17 +383,17 @@ fn ensembles_seeds_and_threads() {
         fit(path, &with(&with(&base, more), &["-o", name])).ok();
         fs::read(path.join(name)).unwrap()
     };
-    let one = bytes(&["--ensemble", "chunks:20", "--threads", "1"], "a.json");
-    assert!(one == bytes(&["--ensemble", "chunks:20", "--threads", "2"], "b.json"), "threads change the model");
+    let single = bytes(&["--ensemble", "chunks:20", "--threads", "1"], "a.json");
+    assert!(single == bytes(&["--ensemble", "chunks:20", "--threads", "2"], "b.json"), "threads change the model");
     let auto = ["lorenz.csv", "--states", "x,y,z", "--threads"];
     let of = |threads: &str, name: &str| {
         fit(path, &with(&auto, &[threads, "-o", name])).ok();
         fs::read(path.join(name)).unwrap()
     };
     assert!(of("1", "c.json") == of("2", "d.json"), "threads change the model");
-    let found = fit(path, &with(&base, &["--ensemble", "chunks:20", "--seed", "3"])).ok().json();
-    check(&found, 0, &LORENZ, 1e-8);
-    let inclusion = found["regions"][0]["equations"][0]["inclusion"].as_array().unwrap();
+    let report = fit(path, &with(&base, &["--ensemble", "chunks:20", "--seed", "3"])).ok().json();
+    check(&report, 0, &LORENZ, 1e-8);
+    let inclusion = report["regions"][0]["equations"][0]["inclusion"].as_array().unwrap();
     assert!(
         inclusion.iter().all(|share| (0.0..=1.0).contains(&number(share))) && inclusion.len() == 10,
         "{inclusion:?}"
@@ -436,12 +436,12 @@ fn bad_input_is_explained() {
         (with(&states, &["--weight", "0*x"]), &["no rows"]),
         (with(&states, &["-o", "lorenz.csv"]), &["one of the inputs"]),
     ] {
-        let said = fit(path, &arguments);
-        assert_eq!(said.code, 1, "{arguments:?}: {}{}", said.out, said.err);
-        said.fails(words);
+        let output = fit(path, &arguments);
+        assert_eq!(output.code, 1, "{arguments:?}: {}{}", output.out, output.err);
+        output.fails(words);
     }
-    let said = fit(path, &with(&states, &["--optimizer", "magic"]));
-    assert!(said.code == 2 && said.err.contains("magic") && said.err.contains("stlsq"), "{}", said.err);
+    let output = fit(path, &with(&states, &["--optimizer", "magic"]));
+    assert!(output.code == 2 && output.err.contains("magic") && output.err.contains("stlsq"), "{}", output.err);
     fs::write(path.join("r.toml"), "[sindy]\noptimizer = \"magic\"\n").unwrap();
     fit(path, &with(&states, &["-c", "r.toml"])).fails(&["r.toml", "optimizer = \"magic\"", "`stlsq`"]);
     fs::write(path.join("r.toml"), "[states]\nx = { known = \"y\", nominal = \"z\" }\ny = {}\n").unwrap();
@@ -461,8 +461,8 @@ fn units_are_checked_and_printed() {
     let folder = folder("log.csv", &text);
     let aliases = ["--alias", "x=`x [m]`", "--alias", "v=`v [m/s]`", "--alias", "a=`a [m/s^2]`"];
     let base = with(&["log.csv", "--states", "v", "--inputs", "x", "--derivative", "v=a"], &aliases);
-    let found = fit(folder.path(), &with(&base, &["--library", "poly(1)"])).ok().json();
-    let units: Vec<_> = found["regions"][0]["equations"][0]["terms"]
+    let report = fit(folder.path(), &with(&base, &["--library", "poly(1)"])).ok().json();
+    let units: Vec<_> = report["regions"][0]["equations"][0]["terms"]
         .as_array()
         .unwrap()
         .iter()
@@ -470,18 +470,18 @@ fn units_are_checked_and_printed() {
         .collect();
     let unit = |name: &str| units.iter().find(|(function, _)| function == name).map(|(_, unit)| unit.as_str());
     for (name, expected) in [("1", "m/s^2"), ("v", "1/s"), ("x", "1/s^2")] {
-        let found = unit(name).unwrap_or_else(|| panic!("{units:?}"));
+        let text = unit(name).unwrap_or_else(|| panic!("{units:?}"));
         let same = |text: &str| fleetfoot::library::Unit::parse(text).expect("a unit");
-        assert_eq!(same(found), same(expected), "{name}");
+        assert_eq!(same(text), same(expected), "{name}");
     }
-    let said = fit(folder.path(), &with(&base, &["--library", "poly(1),sin(x),x - v"])).ok();
-    assert!(said.err.contains("sin(x)") && said.err.contains("x - v"), "{}", said.err);
+    let output = fit(folder.path(), &with(&base, &["--library", "poly(1),sin(x),x - v"])).ok();
+    assert!(output.err.contains("sin(x)") && output.err.contains("x - v"), "{}", output.err);
 }
 
 /// A collision in a few rows holds most of the variance: a note names the rows to which the fit is fitted, and without
 /// them there is none.
 #[test]
-fn few_rows_that_hold_most_of_the_variance_are_told() {
+fn rows_with_most_variance_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let mut text = String::from("t,v,u\n");
     let (mut v, dt) = (0.0_f64, 0.01);
@@ -502,11 +502,11 @@ fn few_rows_that_hold_most_of_the_variance_are_told() {
         fleetfoot(folder.path(), &[&fixed, more].concat()).ok()
     };
     let words = "of its variance (the heaviest: from row ";
-    let told = fit(&[]).err;
-    let at = told.find(words).unwrap_or_else(|| panic!("{told}")) + words.len();
-    let row: usize = told[at..].split(' ').next().and_then(|word| word.parse().ok()).expect("a row");
-    assert!(row <= 3211 && row + 100 > 3211, "{told}");
-    assert!(told.contains("d(v)/dt: 0.") && told.contains("of log.csv on") && told.contains("--where"), "{told}");
+    let notes = fit(&[]).err;
+    let at = notes.find(words).unwrap_or_else(|| panic!("{notes}")) + words.len();
+    let row: usize = notes[at..].split(' ').next().and_then(|word| word.parse().ok()).expect("a row");
+    assert!(row <= 3211 && row + 100 > 3211, "{notes}");
+    assert!(notes.contains("d(v)/dt: 0.") && notes.contains("of log.csv on") && notes.contains("--where"), "{notes}");
     let without = fit(&["--where", "abs(v) < 20"]);
     assert!(!without.err.contains(words), "{}", without.err);
     assert!(without.out.contains("d(v)/dt = -0.99") && without.out.contains("*v + 2.000"), "{}", without.out);
@@ -534,13 +534,13 @@ fn long_fits_say_so_beforehand() {
         dry(&["fit", "pwa", "-c", "plain.toml", "log.csv", "--lags", "400", "-p", "average,kmeans:20", "-o", "m.json"]),
         dry(&["fit", "sparse", "-c", "tasks.toml", "log.csv", "-o", "m.json"]),
     ];
-    for said in &long {
+    for output in &long {
         assert!(
-            said.err.contains("note: this takes about ") && said.err.contains("fewer folds (--folds 2)"),
+            output.err.contains("note: this takes about ") && output.err.contains("fewer folds (--folds 2)"),
             "{}",
-            said.err
+            output.err
         );
-        assert!(said.json()["operations"].as_f64().unwrap() > 1e10, "{}", said.out);
+        assert!(output.json()["operations"].as_f64().unwrap() > 1e10, "{}", output.out);
     }
     let short = dry(&sindy("fourier(3)"));
     assert!(!short.err.contains("this takes"), "{}", short.err);
@@ -548,7 +548,7 @@ fn long_fits_say_so_beforehand() {
     // The count is the same in every run, and a note in none that is quiet.
     let quiet = fleetfoot(path, &[&sindy("fourier(600)")[..], &["--dry-run", "--json", "--quiet"]].concat()).ok();
     assert_eq!((quiet.out.as_str(), quiet.err.as_str()), (long[0].out.as_str(), ""));
-    // The fit says it before its work, and is not waited for.
+    // The fit prints the note before its work; the test does not wait for its end.
     let mut fit = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
         .current_dir(path)
         .args(sindy("fourier(60)"))
@@ -556,8 +556,8 @@ fn long_fits_say_so_beforehand() {
         .spawn()
         .unwrap();
     let lines = std::io::BufRead::lines(std::io::BufReader::new(fit.stderr.take().unwrap()));
-    let told = lines.map_while(Result::ok).find(|line| line.contains("this takes about "));
+    let note = lines.map_while(Result::ok).find(|line| line.contains("this takes about "));
     fit.kill().unwrap();
     fit.wait().unwrap();
-    assert!(told.is_some_and(|note| note.contains("fewer functions in the library")));
+    assert!(note.is_some_and(|note| note.contains("fewer functions in the library")));
 }

@@ -49,35 +49,38 @@ fn terms(report: &serde_json::Value) -> Vec<Vec<&str>> {
 }
 
 #[test]
-fn terms_that_windows_miss_are_found_with_smoothed_states() {
+fn smoothed_states_give_missed_terms() {
     let folder = tempfile::tempdir().expect("a folder");
     lorenz(folder.path(), 3, 500, 0.9, 1);
     let truth = [vec!["x", "y"], vec!["x", "y", "x*z"], vec!["z", "x*y"]];
     let windows = fit(folder.path(), &["--smooth-states", "off", "-o", "windows.json"]);
     assert_ne!(terms(&windows), truth, "windows have them all");
     assert!(windows.get("smooth_states").is_none());
-    let found = fit(folder.path(), &["-o", "smoothed.json"]);
-    assert_eq!(terms(&found), truth);
-    let told = &found["smooth_states"];
-    assert_eq!(told["written"], true);
+    let report = fit(folder.path(), &["-o", "smoothed.json"]);
+    assert_eq!(terms(&report), truth);
+    let smoothing = &report["smooth_states"];
+    assert_eq!(smoothing["written"], true);
     // The objective and the price of the terms fall, and what is left of the measurements is noise, held out too.
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
-    assert!(number(&told["value"][1]) < number(&told["value"][0]), "{told}");
-    assert!((number(&told["held_out"][1]) - 1.0).abs() < 0.1 && number(&told["held_out"][0]) > 1.1, "{told}");
-    for noise in told["noise"].as_array().expect("states") {
+    assert!(number(&smoothing["value"][1]) < number(&smoothing["value"][0]), "{smoothing}");
+    assert!(
+        (number(&smoothing["held_out"][1]) - 1.0).abs() < 0.1 && number(&smoothing["held_out"][0]) > 1.1,
+        "{smoothing}"
+    );
+    for noise in smoothing["noise"].as_array().expect("states") {
         // Of 1,500 measurements, within a few times 1/sqrt(3000) of it.
         assert!((number(&noise["measurement"]) / 0.9 - 1.0).abs() < 0.08, "{noise}");
     }
     for (equation, truth) in [[-10.0, 10.0].as_slice(), &[28.0, -1.0, -1.0], &[-8.0 / 3.0, 1.0]].iter().enumerate() {
         for (k, truth) in truth.iter().enumerate() {
-            let term = &found["regions"][0]["equations"][equation]["terms"][k];
+            let term = &report["regions"][0]["equations"][equation]["terms"][k];
             let (value, error) = (number(&term["coefficient"]), number(&term["standard_error"]));
             // Seven coefficients of one seed: beyond four standard errors once in two thousand.
             assert!((value - truth).abs() < 4.0 * error && error < 0.1 * truth.abs(), "{term}");
         }
     }
     // Errors of the table are those on windows of what was recorded: they keep the noise.
-    assert!(number(&found["regions"][0]["equations"][0]["rms"]) > 1.0);
+    assert!(number(&report["regions"][0]["equations"][0]["rms"]) > 1.0);
     let words = fleetfoot(folder.path(), &[&FIT[..9], &["-o", "words.json"]].concat()).ok().out;
     assert!(words.contains("states smoothed under the equations: 1500 rows in 3 segments"), "{words}");
     // The same bytes on other numbers of threads, and from the recipe that the model keeps.
@@ -90,7 +93,7 @@ fn terms_that_windows_miss_are_found_with_smoothed_states() {
 }
 
 #[test]
-fn clean_rows_are_left_alone_and_what_it_would_overrule_is_named() {
+fn clean_rows_are_not_smoothed() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("log.csv"), oscillation(400, 0.0, 0.0)).expect("a file");
     fs::write(folder.path().join("noisy.csv"), oscillation(400, 0.0, 0.3)).expect("a file");
@@ -101,7 +104,7 @@ fn clean_rows_are_left_alone_and_what_it_would_overrule_is_named() {
     };
     assert!(fit("log.csv", &[]).ok().json().get("smooth_states").is_none());
     assert!(fit("noisy.csv", &[]).ok().json().get("smooth_states").is_some());
-    // What says which terms there are is not overruled unasked.
+    // Options that set the number of terms are not overruled unasked.
     for more in [["--terms", "2"], ["--threshold", "0.1"], ["--select", "bic"], ["--optimizer", "ssr"]] {
         assert!(fit("noisy.csv", &more).ok().json().get("smooth_states").is_none(), "{more:?}");
         let refused = fit("noisy.csv", &[&more[..], &["--smooth-states", "on"]].concat()).err;

@@ -13,7 +13,7 @@ fn climbs() -> tempfile::TempDir {
     folder
 }
 
-fn fit(folder: &Path, arguments: &[&str]) -> Said {
+fn fit(folder: &Path, arguments: &[&str]) -> Run {
     let all: Vec<&str> = ["fit", "sparse", "--json"].into_iter().chain(arguments.iter().copied()).collect();
     fleetfoot(folder, &all)
 }
@@ -28,16 +28,16 @@ const RECIPE: &str = "runs/robot.toml";
 fn the_aircraft_from_logs_to_equations() {
     let folder = climbs();
     let path = folder.path();
-    let found = fit(path, &["-c", RECIPE, "runs", "-o", "data.json", "--keep", "run.stats"]).ok().json();
-    assert!(number(&found["certificate"]["kkt"]) < 1e-8 && number(&found["certificate"]["gap"]) < 1e-6, "{found}");
-    let tasks = found["tasks"].as_array().unwrap();
+    let report = fit(path, &["-c", RECIPE, "runs", "-o", "data.json", "--keep", "run.stats"]).ok().json();
+    assert!(number(&report["certificate"]["kkt"]) < 1e-8 && number(&report["certificate"]["gap"]) < 1e-6, "{report}");
+    let tasks = report["tasks"].as_array().unwrap();
     let names: Vec<&str> = tasks.iter().map(|task| task["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["along", "normal", "fuel", "prior of Isp"]);
     assert!(number(&tasks[0]["r2"]) > 0.97 && number(&tasks[1]["r2"]) > 0.98, "{tasks:?}");
     assert!(tasks[2]["r2"].is_null(), "a target that is 0 has no variance to explain");
     assert!(tasks[..3].iter().all(|task| number(&task["held_out_rms"]) > 0.0) && tasks[3]["held_out_rms"].is_null());
     // Thrust on the order of 100 kN a unit of fan speed and density: the prior keeps it from shrinking to 0.
-    let latents = found["latents"].as_array().unwrap();
+    let latents = report["latents"].as_array().unwrap();
     let sizes: Vec<usize> = latents.iter().map(|latent| latent["functions"].as_array().unwrap().len()).collect();
     assert_eq!(sizes, [15, 10, 10, 10]);
     assert!(
@@ -76,9 +76,9 @@ fn bolassos_priors_and_labels() {
     };
     let hard = bolasso(&["--bolasso", "episodes:40", "--frequencies", "f.parquet"]);
     let soft = bolasso(&["--bolasso", "episodes:40", "--threshold", "0.5"]);
-    let selected = |found: &serde_json::Value| -> Vec<bool> {
+    let selected = |report: &serde_json::Value| -> Vec<bool> {
         let functions =
-            found["latents"].as_array().unwrap().iter().flat_map(|latent| latent["functions"].as_array().unwrap());
+            report["latents"].as_array().unwrap().iter().flat_map(|latent| latent["functions"].as_array().unwrap());
         functions
             .map(|function| {
                 let frequency = number(&function["frequency"]);
@@ -93,8 +93,8 @@ fn bolassos_priors_and_labels() {
     assert!(fs::metadata(path.join("f.parquet")).unwrap().len() > 500);
     // A stronger prior moves the impulse towards what is believed.
     let distance = |strength: &str| {
-        let found = bolasso(&["--prior-strength", strength]);
-        number(&found["tasks"][3]["rms"])
+        let report = bolasso(&["--prior-strength", strength]);
+        number(&report["tasks"][3]["rms"])
     };
     assert!(distance("1e4") < distance("1e-2"));
     let rows = fit(path, &["-c", RECIPE, "runs", "--lambda", "1e-3", "--bolasso", "rows:16"]).ok().json();
@@ -110,16 +110,16 @@ fn bolassos_priors_and_labels() {
     }
     let by =
         ["-c", RECIPE, "fleet", "--key", "aircraft={dir1}", "--by", "aircraft", "--lambda", "1e-3", "-o", "m.json"];
-    let found = fit(path, &by).ok().json();
+    let report = fit(path, &by).ok().json();
     let values: Vec<&str> =
-        found["models"].as_array().unwrap().iter().map(|model| model["value"].as_str().unwrap()).collect();
+        report["models"].as_array().unwrap().iter().map(|model| model["value"].as_str().unwrap()).collect();
     assert_eq!(values, ["a", "b"]);
     assert!(path.join("m_a.json").exists() && path.join("m_b.json").exists());
     fit(path, &["run.stats", "--by", "aircraft"]).fails(&["--by aircraft", "no label", "--key"]);
 }
 
 #[test]
-fn the_disturbed_climb_is_the_most_influential() {
+fn disturbed_climbs_are_most_influential() {
     let folder = climbs();
     let path = folder.path();
     // A climb that burns a fifth more fuel for the same thrust.
@@ -127,8 +127,8 @@ fn the_disturbed_climb_is_the_most_influential() {
     let thirsty = world.replacen("coefficient = 277.0 ", "coefficient = 231.0 ", 1);
     assert_ne!(world, thirsty);
     fs::write(path.join("thirsty.toml"), thirsty).unwrap();
-    let one = ["--world", "thirsty.toml", "--runs", "1", "--first-run", "6", "--seconds", "300"];
-    let generate = [&["generate", "aircraft", "-o", "other", "--format", "parquet"][..], &one].concat();
+    let options = ["--world", "thirsty.toml", "--runs", "1", "--first-run", "6", "--seconds", "300"];
+    let generate = [&["generate", "aircraft", "-o", "other", "--format", "parquet"][..], &options].concat();
     fleetfoot(path, &generate).ok();
     let odd = "other/aircraft_06.parquet";
     assert!(path.join(odd).exists());
@@ -136,9 +136,9 @@ fn the_disturbed_climb_is_the_most_influential() {
     let all = ["-c", RECIPE, "runs", odd, "--lambda", "1e-3"];
     let with = |more: &[&'static str]| -> Vec<&str> { all.iter().chain(more).copied().collect() };
     fit(path, &with(&["-o", "plain.json", "--keep", "all.stats"])).ok();
-    let found = fit(path, &with(&["-o", "left_out.json", "--influence"])).ok().json();
+    let report = fit(path, &with(&["-o", "left_out.json", "--influence"])).ok().json();
     same(path, "plain.json", "left_out.json");
-    let influence = &found["influence"];
+    let influence = &report["influence"];
     let episodes = influence["episodes"].as_array().unwrap();
     let of = |key: &str| -> Vec<f64> { episodes.iter().map(|episode| number(&episode[key])).collect() };
     let distances = of("cooks_distance");
@@ -154,10 +154,10 @@ fn the_disturbed_climb_is_the_most_influential() {
     let in_sample = number(&influence["in_sample_rms"]);
     assert!((mean("in_sample_rms") / in_sample - 1.0).abs() < 1e-6, "{influence}");
     assert!((mean("held_out_rms") / number(&influence["held_out_rms"]) - 1.0).abs() < 1e-9, "{influence}");
-    let tasks = found["tasks"].as_array().unwrap()[..3].iter();
+    let tasks = report["tasks"].as_array().unwrap()[..3].iter();
     let squares: f64 = tasks.map(|task| (number(&task["rms"]) / number(&task["scale"])).powi(2)).sum();
     assert!((squares.sqrt() / in_sample - 1.0).abs() < 1e-6, "{squares} {influence}");
-    // What the climb does to the fit is to the impulse, or to what the fuel equation ties to it.
+    // The climb changes the impulse, or the thrust that the fuel equation ties to it.
     let change = &episodes[0]["largest_change"];
     assert!(number(&change["standard_errors"]).abs() > 1.0, "{change}");
     assert!(["T: ", "Isp: "].iter().any(|latent| change["coefficient"].as_str().unwrap().starts_with(latent)));
@@ -174,12 +174,12 @@ fn the_disturbed_climb_is_the_most_influential() {
 }
 
 #[test]
-fn a_bolasso_tells_intervals_of_what_it_selected() {
+fn bolassos_have_intervals_of_selected_functions() {
     let folder = climbs();
     let path = folder.path();
     let bolasso = ["--lambda", "0.1/sqrt(n)", "--bolasso", "episodes:60", "--threshold", "0.7"];
-    let found = fit(path, &[&["-c", RECIPE, "runs", "--keep", "run.stats"][..], &bolasso].concat()).ok().json();
-    let latents = found["latents"].as_array().unwrap();
+    let report = fit(path, &[&["-c", RECIPE, "runs", "--keep", "run.stats"][..], &bolasso].concat()).ok().json();
+    let latents = report["latents"].as_array().unwrap();
     let (mut intervals, mut around) = (0, 0);
     for function in latents.iter().flat_map(|latent| latent["functions"].as_array().unwrap()) {
         let Some(interval) = function["lasso_interval"].as_array() else {
@@ -208,17 +208,17 @@ fn bounds_hold_at_every_row() {
     let folder = climbs();
     let path = folder.path();
     let text = fs::read_to_string(path.join(RECIPE)).unwrap();
-    // What nothing forbids is below this somewhere: the bound is active.
+    // The unbounded coefficient is lower than this somewhere: the bound is active.
     let bounded = text.replacen("D = { times = \"q\"", "D = { at_least = 2.8e4, times = \"q\"", 1);
     assert_ne!(bounded, text);
     fs::write(path.join("bounded.toml"), bounded).unwrap();
-    let found = fit(path, &["-c", "bounded.toml", "runs", "--lambda", "1e-4", "--keep", "b.stats"]).ok().json();
-    let [limit] = &found["limits"].as_array().unwrap()[..] else { panic!("{found}") };
+    let report = fit(path, &["-c", "bounded.toml", "runs", "--lambda", "1e-4", "--keep", "b.stats"]).ok().json();
+    let [limit] = &report["limits"].as_array().unwrap()[..] else { panic!("{report}") };
     assert_eq!((&limit["name"], &limit["side"], number(&limit["bound"])), (&"D".into(), &"at least".into(), 2.8e4));
     assert!(number(&limit["nearest"]) >= 0.0 && number(&limit["cuts"]) > 0.0, "{limit}");
     assert!(limit["episode"].is_string() && limit["row"].is_number(), "{limit}");
     // The bound has its price, in the fit and beside it.
-    let along = &found["tasks"][0];
+    let along = &report["tasks"][0];
     assert!(number(&along["rms"]) > number(&along["free_rms"]), "{along}");
     assert!(number(&along["held_out_rms"]) > 0.0 && number(&along["free_held_out_rms"]) > 0.0, "{along}");
     fit(path, &["-c", "bounded.toml", "b.stats", "--lambda", "1e-4"])
@@ -231,7 +231,7 @@ fn arm(folder: &Path) {
     for row in 0..3_000 {
         let t = f64::from(row) * 0.01;
         let (q, a1, a2) = ((0.31 * t).sin() * 2.5, (1.7 * t).sin() * 3.0, 0.02 * (2.9 * t).cos());
-        // What no inertia explains, as large as the second link's share.
+        // Noise that no inertia explains, as large as the second link's share.
         let (n1, n2) = (0.2 * (31.0 * t).sin(), 0.3 * (47.0 * t).cos() - 0.03 * (2.9 * t).cos());
         let m = [0.9 + 0.5 * q.cos(), 0.2 + 0.25 * q.cos(), 0.2];
         text.push_str(&format!("{t},{q},{a1},{a2},{},{}\n", m[0] * a1 + m[1] * a2 + n1, m[1] * a1 + m[2] * a2 + n2));
@@ -252,15 +252,15 @@ second = { target = "t2", right = "M12*a1 + M22*a2" }
 "#;
 
 #[test]
-fn an_inertia_is_positive_definite_where_the_recipe_says_so() {
+fn inertias_are_positive_definite_on_request() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     arm(path);
     let with = |name: &str, constraints: &str| fs::write(path.join(name), format!("{ARM}{constraints}")).unwrap();
     with("free.toml", "");
     with("arm.toml", "[constraints]\ninertia = { matrix = [[\"M11\"], [\"M12\", \"M22\"]], at_least = 1e-3 }\n");
-    let least = |found: &serde_json::Value| {
-        let of = |latent: usize, at: usize| number(&found["latents"][latent]["functions"][at]["coefficient"]);
+    let least = |report: &serde_json::Value| {
+        let of = |latent: usize, at: usize| number(&report["latents"][latent]["functions"][at]["coefficient"]);
         let rows = (0..3_000).map(|row| ((0.31 * 0.01 * f64::from(row)).sin() * 2.5).cos());
         rows.map(|cos| {
             let m = [of(0, 0) + of(0, 1) * cos, of(1, 0) + of(1, 1) * cos, of(2, 0)];
@@ -270,13 +270,13 @@ fn an_inertia_is_positive_definite_where_the_recipe_says_so() {
     };
     let free = fit(path, &["-c", "free.toml", "arm.csv", "-o", "free.json", "--lambda", "0"]).ok().json();
     assert!(least(&free) < -1e-2 && free["limits"].is_null(), "{free}");
-    let found = fit(path, &["-c", "arm.toml", "arm.csv", "-o", "arm.json", "--lambda", "0"]).ok().json();
-    assert!(least(&found) >= 1e-3 - 1e-12, "{found}");
-    assert_eq!(found["limits"][0]["name"], "inertia");
+    let report = fit(path, &["-c", "arm.toml", "arm.csv", "-o", "arm.json", "--lambda", "0"]).ok().json();
+    assert!(least(&report) >= 1e-3 - 1e-12, "{report}");
+    assert_eq!(report["limits"][0]["name"], "inertia");
     for (task, name) in ["first", "second"].into_iter().enumerate() {
-        let (bound, free) = (&found["tasks"][task], &free["tasks"][task]);
-        assert_eq!((bound["name"].as_str(), &bound["free_rms"]), (Some(name), &free["rms"]), "{found}");
-        assert_eq!(bound["free_held_out_rms"], free["held_out_rms"], "{found}");
+        let (bound, free) = (&report["tasks"][task], &free["tasks"][task]);
+        assert_eq!((bound["name"].as_str(), &bound["free_rms"]), (Some(name), &free["rms"]), "{report}");
+        assert_eq!(bound["free_held_out_rms"], free["held_out_rms"], "{report}");
     }
     fit(path, &["-c", "arm.toml", "arm.csv", "-o", "two.json", "--lambda", "0", "--threads", "1"]).ok();
     same(path, "arm.json", "two.json");
@@ -306,7 +306,7 @@ fn an_inertia_is_positive_definite_where_the_recipe_says_so() {
 }
 
 #[test]
-fn a_plain_recipe_is_what_pwa_fits_without_a_penalty() {
+fn plain_recipes_equal_unpenalised_pwa() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     for run in 0..4 {
@@ -380,18 +380,23 @@ fn groups_of_functions_enter_together() {
         let all: Vec<&str> = ["-c", "r.toml"].into_iter().chain(more.iter().copied()).chain(logs).collect();
         fit(path, &all).ok().json()
     };
-    let selected = |found: &serde_json::Value, latent: usize| -> Vec<String> {
-        let functions = found["latents"][latent]["functions"].as_array().unwrap();
+    let selected = |report: &serde_json::Value, latent: usize| -> Vec<String> {
+        let functions = report["latents"][latent]["functions"].as_array().unwrap();
         let chosen = functions.iter().filter(|function| function["selected"] == true);
         chosen.map(|function| function["function"].as_str().unwrap().to_owned()).collect()
     };
-    let found = run(&["--groups", "signal"]);
-    assert!(found["selection"].as_str().unwrap().starts_with("the group lasso"), "{found}");
-    assert!(number(&found["certificate"]["gap"]) < 1e-10 && number(&found["certificate"]["kkt"]) < 1e-8);
-    let (first, second) = (selected(&found, 0), selected(&found, 1));
-    assert!(["a", "a^2", "a^3"].iter().all(|name| first.iter().any(|one| one == name)), "{first:?}");
+    let report = run(&["--groups", "signal"]);
+    assert!(report["selection"].as_str().unwrap().starts_with("the group lasso"), "{report}");
+    assert!(number(&report["certificate"]["gap"]) < 1e-10 && number(&report["certificate"]["kkt"]) < 1e-8);
+    let (first, second) = (selected(&report, 0), selected(&report, 1));
     assert!(
-        ["a", "a^2", "a^3", "b", "b^2", "b^3"].iter().all(|name| second.iter().any(|one| one == name)),
+        ["a", "a^2", "a^3"].iter().all(|name| first.iter().any(|selected_name| selected_name == name)),
+        "{first:?}"
+    );
+    assert!(
+        ["a", "a^2", "a^3", "b", "b^2", "b^3"]
+            .iter()
+            .all(|name| second.iter().any(|selected_name| selected_name == name)),
         "{second:?}"
     );
     for signal in ["a", "b", "c"] {
@@ -399,14 +404,18 @@ fn groups_of_functions_enter_together() {
         assert!([0, 3].contains(&powers.iter().filter(|power| first.contains(power)).count()), "{first:?}");
     }
     // A function is in all equations or in none.
-    let found = run(&["--groups", "term"]);
+    let report = run(&["--groups", "term"]);
     let constant = |names: Vec<String>| names.into_iter().filter(|name| name != "1").collect::<Vec<String>>();
-    assert_eq!(constant(selected(&found, 0)), constant(selected(&found, 1)));
-    assert!(["a", "a^2", "a^3", "b"].iter().all(|name| selected(&found, 0).iter().any(|one| one == name)));
-    // Absolute values beside the norms let single functions leave; criteria choose too, and a model's recipe says how it was found.
-    let found = run(&["--groups", "signal", "--l1-ratio", "0.8", "--select", "bic", "-o", "m.json"]);
-    assert!(found["selection"].as_str().unwrap().starts_with("the sparse-group lasso"), "{found}");
-    assert!(selected(&found, 0).iter().any(|name| name == "a^2"));
+    assert_eq!(constant(selected(&report, 0)), constant(selected(&report, 1)));
+    assert!(
+        ["a", "a^2", "a^3", "b"]
+            .iter()
+            .all(|name| selected(&report, 0).iter().any(|selected_name| selected_name == name))
+    );
+    // Absolute values beside the norms let single functions leave; criteria choose too, and a model's recipe has the method.
+    let report = run(&["--groups", "signal", "--l1-ratio", "0.8", "--select", "bic", "-o", "m.json"]);
+    assert!(report["selection"].as_str().unwrap().starts_with("the sparse-group lasso"), "{report}");
+    assert!(selected(&report, 0).iter().any(|name| name == "a^2"));
     let model = fs::read_to_string(path.join("m.json")).expect("a model");
     assert!(model.contains("groups = \\\"signal\\\"") && model.contains("sparse-group lasso"), "{model}");
     let named = run(&["--groups", "first=a,b", "--lambda", "0.05"]);
@@ -423,7 +432,7 @@ fn groups_of_functions_enter_together() {
 }
 
 #[test]
-fn what_cannot_be_done_is_said() {
+fn impossible_fits_are_refused() {
     let folder = climbs();
     let path = folder.path();
     let edited = |from: &str, to: &str| {
@@ -453,7 +462,7 @@ fn what_cannot_be_done_is_said() {
 /// A constraint that the selected functions cannot keep differs from one that none can: the message distinguishes the
 /// two.
 #[test]
-fn constraints_of_functions_that_were_left_out_are_told() {
+fn constraints_of_dropped_functions_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     fs::write(path.join("log.csv"), robot_csv(400, 0.0)).expect("a file");

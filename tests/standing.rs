@@ -1,4 +1,4 @@
-//! What a fit is worth beside doing nothing, and what few rows bear.
+//! Baselines beside the candidates of a fit, and fits to few rows.
 
 use std::fs;
 
@@ -28,18 +28,18 @@ fn three_modes(draw: u64) -> String {
     text
 }
 
-/// Nothing said of partitions, few rows are cut into regions that fit the dynamics. Over the draws 0 to 11 they find 33 of 36 modes, k-means alone a quarter; two draws are
+/// Without an option for partitions, few rows are cut into regions that fit the dynamics. Over the draws 0 to 11 they find 33 of 36 modes, k-means alone a quarter; two draws are
 /// enough here.
 #[test]
-fn three_modes_of_58_rows_are_found() {
+fn modes_are_identified_from_58_rows() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut found = 0;
+    let mut count = 0;
     for draw in [1, 7] {
         fs::write(folder.path().join("few.csv"), three_modes(draw)).expect("a log");
         let text = "fit pwa few.csv --dt 1 --states y --inputs u --predict next --partition-on y,u -o few.json --json";
         let report = fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).ok().json();
         let names: Vec<&str> = (report["candidates"].as_array().expect("candidates").iter())
-            .filter_map(|own| own["partition"].as_str())
+            .filter_map(|candidate| candidate["partition"].as_str())
             .collect();
         // Ten regions have 30 numbers a target, and there are 58 rows.
         assert!(
@@ -52,19 +52,19 @@ fn three_modes_of_58_rows_are_found() {
         let number = |value: &serde_json::Value| value.as_f64().unwrap_or(f64::NAN);
         let maps: Vec<[f64; 3]> = (latent["coefficients"].as_array().expect("regions").iter())
             .zip(latent["constants"].as_array().expect("regions"))
-            .map(|(own, constant)| [number(&own[0]), number(&own[1]), number(constant)])
+            .map(|(coefficients, constant)| [number(&coefficients[0]), number(&coefficients[1]), number(constant)])
             .collect();
         let near = |mode: &[f64; 3], map: &[f64; 3]| mode.iter().zip(map).all(|(a, b)| (a - b).abs() < 0.2);
-        found += MODES.iter().filter(|mode| maps.iter().any(|map| near(mode, map))).count();
+        count += MODES.iter().filter(|mode| maps.iter().any(|map| near(mode, map))).count();
     }
-    assert_eq!(found, 6, "modes of two draws");
+    assert_eq!(count, 6, "modes of two draws");
 }
 
-/// Mean and persistence stand in the tables of all methods. Where a model is worth no more, the last note says so, and what to type.
+/// Mean and persistence stand in the tables of all methods. For a model that is worth no more, the last note has the command to type.
 #[test]
-fn doing_nothing_stands_beside_the_candidates() {
+fn baselines_stand_beside_candidates() {
     let folder = tempfile::tempdir().expect("a folder");
-    // A random walk: the row before is as good as anything, and u says nothing.
+    // A random walk: the row before is the best prediction, and u carries no information.
     let (mut y, mut walk, mut noise) = (0.0, String::from("t,y,u\n"), String::from("t,y,u\n"));
     for k in 0..600 {
         let u = uniform(5 * k);
@@ -75,29 +75,29 @@ fn doing_nothing_stands_beside_the_candidates() {
     fs::write(folder.path().join("walk.csv"), walk).expect("a log");
     fs::write(folder.path().join("noise.csv"), noise).expect("a log");
     let fit = |text: &str| fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).ok();
-    let said = fit("fit pwa walk.csv --time t --states y --inputs u --predict next --partition average -o walk.json");
-    assert!(said.out.contains("(mean)") && said.out.contains("(persistence)"), "{}", said.out);
-    assert!(said.out.contains("held out by time, the last"), "{}", said.out);
+    let output = fit("fit pwa walk.csv --time t --states y --inputs u --predict next --partition average -o walk.json");
+    assert!(output.out.contains("(mean)") && output.out.contains("(persistence)"), "{}", output.out);
+    assert!(output.out.contains("held out by time, the last"), "{}", output.out);
     let report =
         fit("fit pwa walk.csv --time t --states y --inputs u --predict next --partition average --json").json();
-    let own = &report["baselines"][0];
-    let before = own["persistence_rmse"].as_f64().unwrap_or(f64::NAN);
-    assert!((before - (1.0_f64 / 3.0).sqrt()).abs() < 0.03, "steps of uniform deviation: {own}");
-    let said = fit("fit sindy noise.csv --time t --states y --inputs u --predict next --degree 1 -o noise.json");
-    assert!(said.out.contains("mean (rms)") && said.out.contains("persistence (rms)"), "{}", said.out);
-    let said =
+    let baseline = &report["baselines"][0];
+    let before = baseline["persistence_rmse"].as_f64().unwrap_or(f64::NAN);
+    assert!((before - (1.0_f64 / 3.0).sqrt()).abs() < 0.03, "steps of uniform deviation: {baseline}");
+    let output = fit("fit sindy noise.csv --time t --states y --inputs u --predict next --degree 1 -o noise.json");
+    assert!(output.out.contains("mean (rms)") && output.out.contains("persistence (rms)"), "{}", output.out);
+    let output =
         fit("fit pwa noise.csv --time t --states y --inputs u --predict next --partition kmeans:20 -o noise.json");
-    let notes: Vec<&str> = said.err.lines().filter(|line| line.starts_with("note: ")).collect();
+    let notes: Vec<&str> = output.err.lines().filter(|line| line.starts_with("note: ")).collect();
     let last = notes.last().copied().unwrap_or_default();
-    assert!(last.contains("no better than their mean") && last.contains("`fleetfoot check`"), "{}", said.err);
-    let said =
+    assert!(last.contains("no better than their mean") && last.contains("`fleetfoot check`"), "{}", output.err);
+    let output =
         fit("fit narx noise.csv --time t --outputs y --inputs u --lags-out 1 --lags-in 1 --degree 1 -o noise.json");
-    assert!(said.out.contains("(mean)"), "{}", said.out);
+    assert!(output.out.contains("(mean)"), "{}", output.out);
 }
 
 /// A machine that changes at the end: spans between its rows do not see it, the last rows do.
 #[test]
-fn what_changes_late_is_held_out_by_time() {
+fn late_changes_are_held_out_by_time() {
     let folder = tempfile::tempdir().expect("a folder");
     let (mut y, mut text) = (0.0, String::from("y,u\n"));
     for k in 0..2000 {

@@ -37,14 +37,14 @@ fn write_log(folder: &Path, aircraft: usize, flight: usize) {
 const KEY: [&str; 2] = ["--key", "aircraft={dir1}"];
 
 /// `scan -c plane.toml` with labels by folder and chunks of 100 rows.
-fn scan(folder: &Path, arguments: &[&str]) -> Said {
+fn scan(folder: &Path, arguments: &[&str]) -> Run {
     let all: Vec<&str> =
         ["scan", "-c", "plane.toml", "--json"].into_iter().chain(KEY).chain(arguments.iter().copied()).collect();
     fleetfoot(folder, &all)
 }
 
 #[test]
-fn from_logs_to_a_statistic_and_what_it_holds() {
+fn statistics_keep_the_sums_of_logs() {
     let folder = logs();
     let path = folder.path();
     let plan = scan(path, &["runs", "--chunk-rows", "100", "--dry-run"]).ok().json();
@@ -88,7 +88,7 @@ fn from_logs_to_a_statistic_and_what_it_holds() {
 }
 
 #[test]
-fn parts_merge_to_the_whole_and_part_again() {
+fn merged_parts_equal_the_whole() {
     let folder = logs();
     let path = folder.path();
     let stats = |arguments: &[&str]| fleetfoot(path, &[&["stats"], arguments].concat());
@@ -168,7 +168,7 @@ fn a_statistic_grows_by_new_logs_only() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn mistakes_are_refused() {
     let folder = logs();
     let path = folder.path();
     scan(path, &["runs", "--key", "site={folder}"]).fails(&["site={folder}", "{dir1}"]);
@@ -188,18 +188,18 @@ fn mistakes_are_told() {
 }
 
 #[test]
-fn equations_and_regions_are_fitted_from_a_statistic() {
+fn statistics_fit_equations_and_regions() {
     let folder = logs();
     let path = folder.path();
     let columns = ["--states", "x,v", "--time", "t", "--degree", "1"];
     let run = |arguments: &[&str]| fleetfoot(path, &[arguments, &columns].concat());
     let scanned = run(&["scan", "runs", "--partition", "average,kmeans:2,3", "--json"]).ok().json();
     let serves: Vec<&str> =
-        scanned["serves"].as_array().expect("methods").iter().flat_map(|one| one.as_str()).collect();
+        scanned["serves"].as_array().expect("methods").iter().flat_map(|method| method.as_str()).collect();
     let regions = "(--partition average | kmeans:2 | kmeans:3)";
     assert_eq!(serves, ["fit sparse", &format!("fit sindy {regions}"), &format!("fit pwa {regions}")]);
-    let told = fleetfoot(path, &["stats", "info", "run.stats"]).ok().out;
-    assert!(told.contains(&format!("serves without the logs: {}", serves.join(", "))), "{told}");
+    let text = fleetfoot(path, &["stats", "info", "run.stats"]).ok().out;
+    assert!(text.contains(&format!("serves without the logs: {}", serves.join(", "))), "{text}");
 
     for partition in ["average", "kmeans:3"] {
         run(&["fit", "sindy", "runs", "--partition", partition, "-o", "logs.json"]).ok();
@@ -217,7 +217,7 @@ fn equations_and_regions_are_fitted_from_a_statistic() {
 /// Every method, from the logs, their statistic, that of two halves joined, and that of two machines which have a part
 /// of the logs each. One model, to the byte. `fit pwa` adds to a model of logs the values that need rows.
 #[test]
-fn every_method_finds_one_model_in_logs_and_their_statistics() {
+fn statistics_and_logs_give_one_model() {
     let folder = logs();
     let path = folder.path();
     fs::write(path.join("lags.toml"), "[model]\ndegree = 1\n[narx]\nlags_out = 2\nlags_in = 1\n").expect("a file");
@@ -286,7 +286,7 @@ fn every_method_finds_one_model_in_logs_and_their_statistics() {
 /// these logs into spans. Only a fit of logs has the values that need rows: mean absolute deviations and the
 /// correlation of residuals.
 #[test]
-fn a_piecewise_model_is_the_same_from_logs_and_their_statistic() {
+fn piecewise_models_agree_with_statistics() {
     let folder = logs();
     let path = folder.path();
     // A label beside the rest, which changes along a log.

@@ -46,7 +46,7 @@ const BEGUN: Duration = Duration::from_secs(2);
 const SOON: Duration = Duration::from_secs(10);
 
 #[test]
-fn ctrl_c_is_answered_soon_wherever_a_command_is() {
+fn ctrl_c_ends_every_command_soon() {
     let folder = folder(3000);
     let path = folder.path();
     fleetfoot(path, &["fit", "pwa", "-c", "r.toml", "log.csv", "--predict", "next", "-p", "average", "-o", "m.json"])
@@ -60,18 +60,18 @@ fn ctrl_c_is_answered_soon_wherever_a_command_is() {
         assert!(!running.has_ended(), "`{command}` is done before it is stopped: give it more to do");
         running.signal("INT");
         let begin = Instant::now();
-        let said = running.end(Duration::from_secs(120));
+        let output = running.end(Duration::from_secs(120));
         waited.push(format!("{:.2} s {command}", begin.elapsed().as_secs_f64()));
         assert!(begin.elapsed() < SOON, "{}", waited.join("\n"));
-        assert_eq!(said.code, 130, "{command}: {}", said.err);
-        assert!(said.err.contains("stopped"), "{}", said.err);
+        assert_eq!(output.code, 130, "{command}: {}", output.err);
+        assert!(output.err.contains("stopped"), "{}", output.err);
         assert_eq!(names(path), before, "{command}");
     }
     println!("{}", waited.join("\n"));
 }
 
 #[test]
-fn every_signal_that_ends_work_leaves_the_folder_as_it_was() {
+fn every_signal_leaves_the_folder_unchanged() {
     for (signal, command) in [
         ("TERM", "generate diffdrive --seconds 600 --runs 8 -o runs"),
         ("HUP", "generate diffdrive --seconds 600 --runs 8 -o runs"),
@@ -90,15 +90,15 @@ fn every_signal_that_ends_work_leaves_the_folder_as_it_was() {
                 break;
             }
             running.signal(signal);
-            let said = running.end(Duration::from_secs(60));
-            if said.code == 0 {
+            let output = running.end(Duration::from_secs(60));
+            if output.code == 0 {
                 break;
             }
             stopped += 1;
-            assert_eq!(said.code, 130, "{signal} {command}: {}", said.err);
-            // A scan keeps what is complete, and says so.
+            assert_eq!(output.code, 130, "{signal} {command}: {}", output.err);
+            // A scan keeps its complete part, with a note.
             let mut after = names(folder.path());
-            after.retain(|name| !(name == "log.stats.partial" && said.err.contains("log.stats.partial")));
+            after.retain(|name| !(name == "log.stats.partial" && output.err.contains("log.stats.partial")));
             assert_eq!(after, before, "{signal} after {milliseconds} ms: {command}");
         }
         assert!(stopped > 0, "`{command}` is done before it is stopped: give it more to do");
@@ -106,7 +106,7 @@ fn every_signal_that_ends_work_leaves_the_folder_as_it_was() {
 }
 
 #[test]
-fn what_a_killed_command_left_is_removed_by_the_next_one() {
+fn leftovers_of_killed_commands_are_removed() {
     let folder = folder(3000);
     let path = folder.path();
     let generate = "generate diffdrive --seconds 600 --runs 4 -o runs";
@@ -120,8 +120,8 @@ fn what_a_killed_command_left_is_removed_by_the_next_one() {
     running.signal("KILL");
     running.end(Duration::from_secs(60));
     assert!(staged(), "a kill leaves them");
-    let said = fleetfoot(path, &["generate", "diffdrive", "--seconds", "1", "-o", "runs"]).ok();
-    assert!(said.err.contains("removed") && said.err.contains(".generating-"), "{}", said.err);
+    let output = fleetfoot(path, &["generate", "diffdrive", "--seconds", "1", "-o", "runs"]).ok();
+    assert!(output.err.contains("removed") && output.err.contains(".generating-"), "{}", output.err);
     assert_eq!(names(&path.join("runs")), ["diffdrive_00.mcap", "robot.toml"]);
 }
 

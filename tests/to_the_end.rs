@@ -24,7 +24,7 @@ fn without(text: &str, column: &str) -> String {
 /// A column of a CSV file, empty cells as `None`.
 fn column(text: &str, name: &str) -> Vec<Option<f64>> {
     let mut lines = text.lines();
-    let place = lines.next().and_then(|head| head.split(',').position(|own| own == name));
+    let place = lines.next().and_then(|head| head.split(',').position(|field| field == name));
     let place = place.unwrap_or_else(|| panic!("no column `{name}` in {text:.200}"));
     lines
         .map(|line| line.split(',').nth(place).filter(|cell| !cell.is_empty()).map(|cell| cell.parse().unwrap()))
@@ -45,7 +45,7 @@ fn unordered(rows: usize) -> String {
 }
 
 #[test]
-fn a_log_without_the_target_is_predicted_and_simulated() {
+fn logs_without_the_target_are_simulated() {
     let log = robot_csv(1000, 3.0);
     let folder =
         folder(&[("train.csv", robot_csv(3000, 1.0)), ("all.csv", log.clone()), ("new.csv", without(&log, "dv"))]);
@@ -53,9 +53,9 @@ fn a_log_without_the_target_is_predicted_and_simulated() {
     let columns = ["--time", "t", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "--derivative", "v=dv"];
     run(&[&["fit", "pwa", "train.csv", "--partition", "kmeans:4"][..], &columns].concat()).ok();
     let with = run(&["predict", "model.json", "all.csv", "-o", "all-predicted.csv", "--json"]).ok().json();
-    let said = run(&["predict", "model.json", "new.csv", "-o", "new-predicted.csv", "--json"]).ok();
-    assert!(said.err.contains("no dv"), "{}", said.err);
-    let without = said.json();
+    let output = run(&["predict", "model.json", "new.csv", "-o", "new-predicted.csv", "--json"]).ok();
+    assert!(output.err.contains("no dv"), "{}", output.err);
+    let without = output.json();
     assert_eq!(
         (with["rows"].as_u64(), with["predicted"].as_u64(), with["compared"].as_u64()),
         (Some(1000), Some(1000), Some(1000))
@@ -82,7 +82,7 @@ fn a_log_without_the_target_is_predicted_and_simulated() {
 }
 
 #[test]
-fn rollouts_go_on_where_the_states_are_no_longer_measured() {
+fn rollouts_continue_beyond_measured_states() {
     // The inputs go on for the whole log; the speed is known for the first 100 rows.
     let log = robot_csv(600, 2.0);
     let cut: String = log
@@ -102,7 +102,7 @@ fn rollouts_go_on_where_the_states_are_no_longer_measured() {
     run(&[&["fit", "pwa", "train.csv", "--partition", "kmeans:4"][..], &columns].concat());
     let arguments = ["rollout", "model.json", "cut.csv", "--horizon", "500", "--starts", "1", "-o", "run.csv"];
     let text = run(&arguments).out;
-    // What was measured ends somewhere: no claim goes beyond it.
+    // The measurements end somewhere: no claim goes beyond it.
     assert!(!text.contains("to the end (5.000 s)") && !text.contains("to 5.000 s"), "{text}");
     let rows = fs::read_to_string(folder.path().join("run.csv")).unwrap();
     assert_eq!(column(&rows, "v").iter().filter(|value| value.is_some()).count(), 501);
@@ -115,7 +115,7 @@ fn rollouts_go_on_where_the_states_are_no_longer_measured() {
 }
 
 #[test]
-fn a_plain_regression_of_several_columns_needs_no_clock() {
+fn plain_regressions_need_no_clock() {
     let folder = folder(&[("rows.csv", unordered(400)), ("new.csv", without(&unordered(50), "y"))]);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     let fit = run(&["fit", "pwa", "rows.csv", "--inputs", "a,b", "--predict", "x,y", "--json"]).ok();
@@ -129,10 +129,10 @@ fn a_plain_regression_of_several_columns_needs_no_clock() {
     let predicted = run(&["predict", "model.json", "new.csv", "-o", "new.tsv", "--json"]).ok().json();
     assert_eq!((predicted["predicted"].as_u64(), predicted["compared"].as_u64()), (Some(50), Some(0)));
     // SINDy: the product is found, and the other two beside it.
-    let found =
+    let report =
         run(&["fit", "sindy", "rows.csv", "--inputs", "a,b", "--predict", "x,y,z", "--library", "poly(2)", "--json"]);
-    let found = found.ok().json();
-    let terms: Vec<Vec<&str>> = found["regions"][0]["equations"]
+    let report = report.ok().json();
+    let terms: Vec<Vec<&str>> = report["regions"][0]["equations"]
         .as_array()
         .unwrap()
         .iter()
@@ -158,18 +158,18 @@ fn a_plain_regression_of_several_columns_needs_no_clock() {
 }
 
 #[test]
-fn a_model_of_given_equations_is_written_rolled_out_and_exported() {
+fn known_equations_are_rolled_out_and_exported() {
     let recipe = "[columns]\nv = \"`v [m/s]`\"\n[states]\nx = { known = \"v\" }\nv = { known = \"-2*v + 3*u - step(v - 0.5)*(3*v + u - 1)\" }\n[inputs]\nu = \"u\"\n[time]\n\
                   column = \"t\"\n";
     let folder = folder(&[("log.csv", robot_csv(2000, 1.0)), ("physics.toml", recipe.to_owned())]);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
     for method in ["pwa", "sindy"] {
-        let said = run(&["fit", method, "-c", "physics.toml", "log.csv", "-o", "physics.json"]).ok();
-        assert!(said.out.contains("d(v)/dt = -2*v + 3*u - step(v - 0.5)*"), "{}", said.out);
-        assert!(said.err.contains("nothing is fitted"), "{}", said.err);
+        let output = run(&["fit", method, "-c", "physics.toml", "log.csv", "-o", "physics.json"]).ok();
+        assert!(output.out.contains("d(v)/dt = -2*v + 3*u - step(v - 0.5)*"), "{}", output.out);
+        assert!(output.err.contains("nothing is fitted"), "{}", output.err);
         // The recording was made by Euler's steps.
-        let given = ["rollout", "physics.json", "log.csv", "--horizon", "20", "--starts", "50", "--method", "euler"];
-        let rolled = run(&[&given[..], &["--json"]].concat()).ok().json();
+        let options = ["rollout", "physics.json", "log.csv", "--horizon", "20", "--starts", "50", "--method", "euler"];
+        let rolled = run(&[&options[..], &["--json"]].concat()).ok().json();
         let error = |score: &serde_json::Value| score["mahalanobis"].as_array().unwrap()[19][0].as_f64().unwrap();
         assert!(error(&rolled["model"]) < 1e-6 * error(&rolled["baselines"]["persistence"]), "{rolled:#}");
         // Its own equations with nothing learnt would be the model itself.
@@ -182,7 +182,7 @@ fn a_model_of_given_equations_is_written_rolled_out_and_exported() {
 }
 
 #[test]
-fn inputs_that_act_at_once_are_an_argument_of_the_exported_step() {
+fn direct_inputs_are_arguments_of_exported_steps() {
     // y(k+1) = 0.5 y(k) + 2 u(k+1) - 0.3 u(k)
     let mut text = String::from("y,u\n");
     let (mut y, mut before) = (0.0, 0.0);
@@ -219,7 +219,7 @@ fn inputs_that_act_at_once_are_an_argument_of_the_exported_step() {
 }
 
 #[test]
-fn a_lasso_of_hundreds_of_candidates_finds_the_terms() {
+fn lassos_of_hundreds_find_the_terms() {
     let mut text = String::from("t");
     (0..10).for_each(|j| text.push_str(&format!(",x{j}")));
     text.push_str(",y\n");
@@ -233,7 +233,7 @@ fn a_lasso_of_hundreds_of_candidates_finds_the_terms() {
     }
     let folder = folder(&[("log.csv", text)]);
     let inputs: Vec<String> = (0..10).map(|j| format!("x{j}")).collect();
-    let found = fleetfoot(
+    let report = fleetfoot(
         folder.path(),
         &[
             "fit",
@@ -252,13 +252,13 @@ fn a_lasso_of_hundreds_of_candidates_finds_the_terms() {
     )
     .ok()
     .json();
-    let equation = &found["regions"][0]["equations"][0];
+    let equation = &report["regions"][0]["equations"][0];
     assert_eq!(equation["candidates"], 286);
     let held = equation["held_out_rms"].as_f64().unwrap();
     assert!(held < 0.0035, "{held}");
     let terms: Vec<&str> =
         equation["terms"].as_array().unwrap().iter().map(|term| term["function"].as_str().unwrap()).collect();
-    for wanted in ["x0", "x1*x2", "x3*x4*x5"] {
-        assert!(terms.contains(&wanted), "{wanted}: {terms:?}");
+    for expected in ["x0", "x1*x2", "x3*x4*x5"] {
+        assert!(terms.contains(&expected), "{expected}: {terms:?}");
     }
 }

@@ -6,28 +6,28 @@ use crate::{narx, runner::*};
 
 /// The lines of a log whose numbers (the header is 0) are in a range, with the header.
 fn lines(text: &str, range: std::ops::Range<usize>) -> String {
-    let wanted = |(number, _): &(usize, &str)| *number == 0 || range.contains(number);
-    text.lines().enumerate().filter(wanted).map(|(_, line)| format!("{line}\n")).collect()
+    let kept = |(number, _): &(usize, &str)| *number == 0 || range.contains(number);
+    text.lines().enumerate().filter(kept).map(|(_, line)| format!("{line}\n")).collect()
 }
 
 /// Returns true if a note says that scores on a file are in-sample.
 #[track_caller]
-fn flatters(folder: &Path, model: &str, log: &str) -> bool {
-    let said = fleetfoot(folder, &["score", model, log, "--json"]).ok();
-    let told = said.err.contains("used in training, as a whole or in part");
-    let scored = said.json();
-    assert_eq!(scored["in_sample_episodes"].as_array().is_some_and(|names| !names.is_empty()), told, "{scored:#}");
+fn has_in_sample_note(folder: &Path, model: &str, log: &str) -> bool {
+    let output = fleetfoot(folder, &["score", model, log, "--json"]).ok();
+    let noted = output.err.contains("used in training, as a whole or in part");
+    let scored = output.json();
+    assert_eq!(scored["in_sample_episodes"].as_array().is_some_and(|names| !names.is_empty()), noted, "{scored:#}");
     let in_training = |episode: &serde_json::Value| episode["in_training"] == true;
     assert_eq!(
         scored["by_episode"].as_array().is_some_and(|episodes| episodes.iter().any(in_training)),
-        told,
+        noted,
         "{scored:#}"
     );
-    told
+    noted
 }
 
 #[test]
-fn parts_of_training_logs_are_recognised_in_other_files() {
+fn parts_of_training_logs_are_recognised() {
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
@@ -46,12 +46,12 @@ fn parts_of_training_logs_are_recognised_in_other_files() {
     run(&["fit", "sindy", "-c", "robot.toml", "whole.csv", "-o", "sindy.json"]);
     run(&["fit", "sindy", "whole.stats", "-o", "sums.json"]);
     for model in ["pwa.json", "sindy.json", "sums.json"] {
-        let told: Vec<bool> = ["whole.csv", "middle.csv", "tail.csv", "longer.csv", "other.csv"]
-            .map(|log| flatters(folder.path(), model, log))
+        let noted: Vec<bool> = ["whole.csv", "middle.csv", "tail.csv", "longer.csv", "other.csv"]
+            .map(|log| has_in_sample_note(folder.path(), model, log))
             .into();
-        assert_eq!(told, [true, true, true, true, false], "{model}");
+        assert_eq!(noted, [true, true, true, true, false], "{model}");
     }
-    // What simulations start from has trained as well; a page says so of its data.
+    // Rows that simulations start from are training rows as well; a page has a note about its data.
     let rolled = run(&["rollout", "sindy.json", "middle.csv", "--horizon", "20", "--starts", "50"]);
     assert!(rolled.err.contains("in part (middle.csv)"), "{}", rolled.err);
     // Whatever they happen to read of it.
@@ -64,7 +64,7 @@ fn parts_of_training_logs_are_recognised_in_other_files() {
 
 /// An autoregression holds out the end of its log: its training part is a separate episode.
 #[test]
-fn the_log_of_an_autoregression_is_recognised_as_a_whole_and_its_end_is_not() {
+fn whole_logs_of_autoregressions_are_recognised() {
     let log = narx::csv(2000, 3, false, 0.01);
     let folder = narx::folder(&[("log.csv", log.clone()), ("end.csv", lines(&log, 1700..2001))]);
     fs::write(
@@ -73,6 +73,6 @@ fn the_log_of_an_autoregression_is_recognised_as_a_whole_and_its_end_is_not() {
     )
     .unwrap();
     narx::fit(folder.path(), &["-c", "r.toml", "log.csv", "--test-share", "0.2", "-o", "narx.json"]).ok();
-    assert!(flatters(folder.path(), "narx.json", "log.csv"));
-    assert!(!flatters(folder.path(), "narx.json", "end.csv"));
+    assert!(has_in_sample_note(folder.path(), "narx.json", "log.csv"));
+    assert!(!has_in_sample_note(folder.path(), "narx.json", "end.csv"));
 }

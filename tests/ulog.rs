@@ -51,8 +51,8 @@ fn a_rover_is_identified_from_its_logs() {
     run(&["fit", "pwa", "-c", "rover.toml", "runs", "-p", "average", "-o", "model.json"]).ok();
     let model = run(&["show", "model.json", "--json"]).ok().json();
     for (place, expected) in [(0, -2.0), (1, 3.0)] {
-        let found = model.pointer(&format!("/model/latents/0/coefficients/0/{place}")).unwrap().as_f64().unwrap();
-        assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        let coefficient = model.pointer(&format!("/model/latents/0/coefficients/0/{place}")).unwrap().as_f64().unwrap();
+        assert!((coefficient - expected).abs() < 1e-6, "{coefficient} for {expected}");
     }
     run(&["score", "model.json", "held.ulg"]).ok();
     run(&["score", "model.json", "runs/*.ulg"]).ok();
@@ -60,17 +60,17 @@ fn a_rover_is_identified_from_its_logs() {
 }
 
 #[test]
-fn what_is_lost_is_told() {
+fn damage_and_dropouts_are_printed() {
     let folder = tempfile::tempdir().unwrap();
     let mut log = flight(60);
     log.dropout(40);
     let cut = log.bytes.len() - 9;
     fs::write(folder.path().join("run.ulg"), &log.bytes[..cut]).unwrap();
-    let said = fleetfoot(folder.path(), &["info", "run.ulg"]).ok().out;
-    assert!(said.contains("damaged") && said.contains("the file ends inside"), "{said}");
+    let text = fleetfoot(folder.path(), &["info", "run.ulg"]).ok().out;
+    assert!(text.contains("damaged") && text.contains("the file ends inside"), "{text}");
     fs::write(folder.path().join("run.ulg"), &log.bytes).unwrap();
-    let said = fleetfoot(folder.path(), &["info", "run.ulg"]).ok().out;
-    assert!(said.contains("1 dropout of 0.04 s") && said.contains("metadata: 10 values"), "{said}");
+    let text = fleetfoot(folder.path(), &["info", "run.ulg"]).ok().out;
+    assert!(text.contains("1 dropout of 0.04 s") && text.contains("metadata: 10 values"), "{text}");
     fs::write(folder.path().join("run.ulg"), "t,x\n0,1\n").unwrap();
     fleetfoot(folder.path(), &["info", "run.ulg"]).fails(&["run.ulg", "the content is not ULog", "text"]);
 }

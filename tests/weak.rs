@@ -18,7 +18,7 @@ fn folder(logs: &[(&str, &str)]) -> tempfile::TempDir {
 
 const FIT: [&str; 8] = ["fit", "sindy", "--states", "x,y", "--library", "poly(2)", "--time", "t"];
 
-fn fit(path: &Path, more: &[&str]) -> Said {
+fn fit(path: &Path, more: &[&str]) -> Run {
     fleetfoot(path, &[&FIT, more].concat())
 }
 
@@ -36,12 +36,12 @@ fn terms(equations: &serde_json::Value) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn clean_rows_have_the_same_equations_on_windows_and_stay_rows_by_themselves() {
+fn clean_rows_are_fitted_without_windows() {
     let folder = folder(&[("log.csv", &oscillation(600, 0.01, 0.0))]);
-    let (rows, said) = equations(folder.path(), &["log.csv"]);
-    assert_eq!(said, None);
-    let (windows, said) = equations(folder.path(), &["log.csv", "--weak", "25"]);
-    assert!(said.is_some_and(|said| said.contains("windows of 25 rows, one every 3 rows")));
+    let (rows, note) = equations(folder.path(), &["log.csv"]);
+    assert_eq!(note, None);
+    let (windows, note) = equations(folder.path(), &["log.csv", "--weak", "25"]);
+    assert!(note.is_some_and(|note| note.contains("windows of 25 rows, one every 3 rows")));
     assert_eq!(terms(&rows), terms(&windows));
     assert_eq!(terms(&windows), [vec!["y"], vec!["x", "y"]]);
     for (equation, function, truth) in [(0, "y", 1.0), (1, "x", -4.0), (1, "y", -0.2)] {
@@ -52,22 +52,22 @@ fn clean_rows_have_the_same_equations_on_windows_and_stay_rows_by_themselves() {
 }
 
 #[test]
-fn noisy_rows_are_fitted_on_windows_by_themselves_and_better() {
+fn noisy_rows_are_fitted_on_windows() {
     let folder = folder(&[("log.csv", &oscillation(1500, 0.01, 0.3))]);
     let path = folder.path();
-    let (found, said) = equations(path, &["log.csv"]);
-    let said = said.expect("windows");
-    assert!(said.contains("% of the variance of the differences"), "{said}");
+    let (fitted, note) = equations(path, &["log.csv"]);
+    let note = note.expect("windows");
+    assert!(note.contains("% of the variance of the differences"), "{note}");
     let (off, none) = equations(path, &["log.csv", "--weak", "off"]);
     assert_eq!(none, None);
     let error = |equations: &serde_json::Value| {
         let truth = [(0, "y", 1.0), (1, "x", -4.0), (1, "y", -0.2)];
         truth.map(|(at, function, truth)| (coefficient(&equations[at], function) - truth).powi(2)).iter().sum::<f64>()
     };
-    assert!(error(&found) < 0.5 * error(&off), "{} {}", error(&found), error(&off));
-    let told = fit(path, &["log.csv"]).ok().out;
-    assert!(told.contains(&said), "{told}");
-    // A recipe says the same as the flag, and what a model keeps of it fits the same bytes.
+    assert!(error(&fitted) < 0.5 * error(&off), "{} {}", error(&fitted), error(&off));
+    let text = fit(path, &["log.csv"]).ok().out;
+    assert!(text.contains(&note), "{text}");
+    // A recipe has the same effect as the flag, and the recipe that a model keeps fits the same bytes.
     let recipe = "[states]\nx = {}\ny = {}\n[library]\nfunctions = [\"poly(2)\"]\n[time]\ncolumn = \"t\"\n[sindy]\nweak = \"off\"\n";
     fs::write(path.join("off.toml"), recipe).expect("a file");
     let by_recipe = fleetfoot(path, &["fit", "sindy", "log.csv", "-c", "off.toml", "--json"]).ok().json();
@@ -75,12 +75,12 @@ fn noisy_rows_are_fitted_on_windows_by_themselves_and_better() {
 }
 
 #[test]
-fn windows_that_cannot_be_had_are_refused_with_the_mend_and_short_episodes_are_named() {
+fn impossible_windows_are_refused() {
     let logs = [("long.csv", oscillation(400, 0.0, 0.1)), ("short.csv", oscillation(30, 0.0, 0.1))];
     let folder = folder(&[(logs[0].0, &logs[0].1), (logs[1].0, &logs[1].1)]);
     let path = folder.path();
-    let told = fit(path, &["long.csv", "short.csv", "--weak", "41"]).ok();
-    assert!(told.err.contains("1 of 2 episodes (the first is short"), "{}", told.err);
+    let output = fit(path, &["long.csv", "short.csv", "--weak", "41"]).ok();
+    assert!(output.err.contains("1 of 2 episodes (the first is short"), "{}", output.err);
     fit(path, &["long.csv", "--weak", "501"]).fails(&["windows of 501 rows", "long", "400", "smaller number"]);
     fit(path, &["short.csv", "--weak", "auto"]).fails(&["short", "30", "remove --weak"]);
     fit(path, &["long.csv", "--weak", "7"]).fails(&["weak = 7", "from 9 on"]);
@@ -112,8 +112,8 @@ fn a_statistic_keeps_its_windows() {
         let read = |name: &str| fs::read(path.join(name)).expect("a file");
         assert!(read("logs.json") == read(&format!("{statistic}.json")), "{statistic}");
     }
-    let said = run("fit sindy all.stats -o without.json").ok();
-    assert!(said.err.contains("a statistic has no rows whose states could be smoothed"), "{}", said.err);
+    let output = run("fit sindy all.stats -o without.json").ok();
+    assert!(output.err.contains("a statistic has no rows whose states could be smoothed"), "{}", output.err);
     run("fit sindy all.stats --smooth-states on -o no.json").fails(&["smooth_states = on", "fit on the logs"]);
     run("fit sindy -c rows.toml all.stats -o no.json").fails(&["--weak asks for rows", "windows of 41 rows"]);
     run("fit sindy all.stats --weak 61 -o no.json").fails(&["windows of 61 rows", "windows of 41 rows"]);
@@ -121,7 +121,7 @@ fn a_statistic_keeps_its_windows() {
         run(&format!("scan -c {other} a.csv -o other-{other}.stats")).ok();
         run(&format!("stats merge other-{other}.stats one.stats -o no.stats")).fails(&["plan"]);
     }
-    // What `fit pwa` needs is summed beside the windows.
+    // The sums for `fit pwa` stand beside the windows.
     run("fit pwa -c windows.toml all.stats --partition average -o pwa.json").ok();
 }
 
@@ -130,9 +130,13 @@ fn a_statistic_keeps_its_windows() {
 fn regions_without_windows_are_fitted_on_rows() {
     let folder = folder(&[("log.csv", &oscillation(1500, 0.01, 0.3))]);
     let path = folder.path();
-    let said = fit(path, &["log.csv", "--partition", "kmeans:6", "--json"]).ok();
-    assert!(said.err.contains("noise calls for windows of") && said.err.contains("complete window"), "{}", said.err);
-    let report = said.json();
+    let output = fit(path, &["log.csv", "--partition", "kmeans:6", "--json"]).ok();
+    assert!(
+        output.err.contains("noise calls for windows of") && output.err.contains("complete window"),
+        "{}",
+        output.err
+    );
+    let report = output.json();
     assert!(report["weak"].is_null() && report["rows"].as_u64() > Some(1480), "{report}");
     let asked = ["log.csv", "--partition", "kmeans:6", "--weak", "auto", "-o", "asked.json"];
     fit(path, &asked).fails(&["complete", "candidates", "--weak"]);
@@ -142,7 +146,7 @@ fn regions_without_windows_are_fitted_on_rows() {
 /// A dry run announces that states may be smoothed, which takes memory that the sums do not. If they are not, it has no
 /// such line.
 #[test]
-fn a_dry_run_tells_of_smoothed_states() {
+fn dry_runs_note_smoothed_states() {
     let folder = folder(&[("log.csv", &oscillation(600, 0.01, 0.3))]);
     let path = folder.path();
     let plan = |more: &[&str]| fit(path, &[&["log.csv", "--dry-run", "--json"], more].concat()).ok().json();

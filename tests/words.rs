@@ -20,32 +20,32 @@ const ALLOWED: [(&str, &str); 8] = [
 ];
 
 #[test]
-fn no_message_of_a_library_has_a_flag() {
+fn library_messages_name_no_flag() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
-    let (mut texts, mut found) = (0, Vec::new());
+    let (mut texts, mut flagged) = (0, Vec::new());
     for folder in fs::read_dir(&root).expect("a folder of crates") {
         let folder = folder.expect("an entry");
         if !FRONT_ENDS.iter().any(|name| folder.file_name() == *name) {
-            walk(&root, &folder.path().join("src"), &mut texts, &mut found);
+            walk(&root, &folder.path().join("src"), &mut texts, &mut flagged);
         }
     }
-    found.sort();
+    flagged.sort();
     let files: Vec<&str> = ALLOWED.iter().map(|(file, _)| *file).collect();
-    let idle: Vec<&&str> = files.iter().filter(|file| !found.iter().any(|(of, _)| of == *file)).collect();
-    found.retain(|(file, _)| !files.contains(&file.as_str()));
-    let lines: Vec<String> = found.iter().map(|(file, text)| format!("{file}: {text}")).collect();
+    let idle: Vec<&&str> = files.iter().filter(|file| !flagged.iter().any(|(of, _)| of == *file)).collect();
+    flagged.retain(|(file, _)| !files.contains(&file.as_str()));
+    let lines: Vec<String> = flagged.iter().map(|(file, text)| format!("{file}: {text}")).collect();
     assert!(texts > 8_000, "only {texts} texts were found");
     assert!(lines.is_empty(), "take a constant of `data::setting` in the place of a flag:\n{}", lines.join("\n"));
     assert!(idle.is_empty(), "these files have no flags any more: {idle:?}");
 }
 
 #[test]
-fn flags_are_found_in_texts_alone() {
+fn flags_are_matched_in_texts_alone() {
     let text = r##"let a = "fewer --folds"; /* "--no" */ x(r#"--raw"#, "a--b", "--- ", "{--}"); #[cfg(test)] mod tests { f("--t") }"##;
     assert_eq!(flags(text).1, ["\"fewer --folds\"", "\"r#\"--raw\"#"]);
 }
 
-fn walk(root: &Path, folder: &Path, texts: &mut usize, found: &mut Vec<(String, String)>) {
+fn walk(root: &Path, folder: &Path, texts: &mut usize, flagged: &mut Vec<(String, String)>) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries {
         let path = entry.expect("an entry").path();
@@ -53,12 +53,12 @@ fn walk(root: &Path, folder: &Path, texts: &mut usize, found: &mut Vec<(String, 
             continue;
         }
         if path.is_dir() {
-            walk(root, &path, texts, found);
+            walk(root, &path, texts, flagged);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
             let (count, flags) = flags(&fs::read_to_string(&path).expect("a source file"));
             let file = path.strip_prefix(root).expect("below the root").display().to_string();
             *texts += count;
-            found.extend(flags.into_iter().map(|text| (file.clone(), text)));
+            flagged.extend(flags.into_iter().map(|text| (file.clone(), text)));
         }
     }
 }
@@ -66,7 +66,7 @@ fn walk(root: &Path, folder: &Path, texts: &mut usize, found: &mut Vec<(String, 
 /// Number of texts in a source file outside of its tests, and the texts with a flag.
 fn flags(source: &str) -> (usize, Vec<String>) {
     let tokens = tokens(source);
-    let (mut texts, mut found, mut at) = (0, Vec::new(), 0);
+    let (mut texts, mut flagged, mut at) = (0, Vec::new(), 0);
     while at < tokens.len() {
         if is_test(&tokens, at) {
             at = after_item(&tokens, at + 1);
@@ -74,11 +74,11 @@ fn flags(source: &str) -> (usize, Vec<String>) {
         }
         if tokens[at].starts_with('"') {
             texts += 1;
-            found.extend(has_flag(&tokens[at]).then(|| tokens[at].clone()));
+            flagged.extend(has_flag(&tokens[at]).then(|| tokens[at].clone()));
         }
         at += 1;
     }
-    (texts, found)
+    (texts, flagged)
 }
 
 /// Returns true if `--` stands before a letter and behind no word.

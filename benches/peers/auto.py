@@ -36,8 +36,8 @@ def cut(episodes):
     if len(episodes) >= 4:
         last = len(episodes) - len(episodes) // 4
         return episodes[:last], episodes[last:]
-    part = lambda own, first, last: {name: values[int(first * len(values)) : int(last * len(values))] for name, values in own.items()}
-    return [part(own, 0, 0.75) for own in episodes], [part(own, 0.75, 1) for own in episodes]
+    part = lambda episode, first, last: {name: values[int(first * len(values)) : int(last * len(values))] for name, values in episode.items()}
+    return [part(episode, 0, 0.75) for episode in episodes], [part(episode, 0.75, 1) for episode in episodes]
 
 
 def even(episode, period):
@@ -51,7 +51,7 @@ def even(episode, period):
 
 def starts(episodes, horizon, before):
     """Starts spread evenly over the cut-off rows: an episode and a row each."""
-    possible = [(at, row) for at, own in enumerate(episodes) for row in range(before, len(own["t"]) - horizon - 1)]
+    possible = [(at, row) for at, episode in enumerate(episodes) for row in range(before, len(episode["t"]) - horizon - 1)]
     return [possible[(2 * k + 1) * len(possible) // (2 * STARTS)] for k in range(STARTS)] if len(possible) > STARTS else possible
 
 
@@ -64,7 +64,7 @@ def difference(predicted, measured, is_angle):
 def by_fleetfoot(fleetfoot, model, folder, states, angles, steps, before, every):
     """Errors of a model by state, of the trajectories that begin at the row behind the `before` others of every piece, and how many there are. Pieces with few rows
     before are tried first: every row that a piece has more is one more simulation."""
-    for pieces, own in (("near", NEAR), ("far", before)) if every == 1 and before > NEAR else (("far", before),):
+    for pieces, past in (("near", NEAR), ("far", before)) if every == 1 and before > NEAR else (("far", before),):
         out = folder / "rollouts.parquet"
         words = [fleetfoot, "rollout", model, folder / pieces, "--horizon", max(1, steps // every), "--starts", 10_000_000, "-o", out, "-q"]
         done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=SECONDS)
@@ -78,10 +78,10 @@ def by_fleetfoot(fleetfoot, model, folder, states, angles, steps, before, every)
     first = np.flatnonzero(step == 0)
     episode, begun = table["episode"].take(first).to_pylist(), {}
     for name, at in zip(episode, first):
-        if begun.get(name, (-1, None))[0] < row[at] <= own // every:
+        if begun.get(name, (-1, None))[0] < row[at] <= past // every:
             begun[name] = (row[at], trajectory[at])
-    wanted = np.isin(trajectory, [own for _, own in begun.values()]) & (step > 0)
-    values = lambda name: table[name].to_numpy()[wanted]
+    kept = np.isin(trajectory, [chosen for _, chosen in begun.values()]) & (step > 0)
+    values = lambda name: table[name].to_numpy()[kept]
     error = lambda state: difference(values(state), values(f"{state} measured"), state in angles)
     return [float(np.sqrt(np.nanmean(error(state) ** 2))) for state in states], len(begun)
 
@@ -98,43 +98,43 @@ def rmse(predicted, measured, angles):
 
 
 def by_pysindy(train, test, begun, states, angles, inputs, period, horizon):
-    columns = lambda own, names: np.column_stack([own[name] for name in names])
+    columns = lambda episode, names: np.column_stack([episode[name] for name in names])
     model = pysindy.SINDy()
-    controls = {"u": [columns(own, inputs) for own in train]} if inputs else {}
-    model.fit([columns(own, states) for own in train], t=period, **controls)
+    controls = {"u": [columns(episode, inputs) for episode in train]} if inputs else {}
+    model.fit([columns(episode, states) for episode in train], t=period, **controls)
     x, u = windows(test, begun, states, 0, 0)[:, 0], windows(test, begun, inputs, 0, horizon) if inputs else None
     slope = (lambda x, k: np.asarray(model.predict(x, u=u[:, k]))) if inputs else (lambda x, k: np.asarray(model.predict(x)))
-    found = []
+    simulated = []
     for k in range(horizon):
         a = slope(x, k)
         b = slope(x + period / 2 * a, k)
         c = slope(x + period / 2 * b, k)
         x = np.clip(x + period / 6 * (a + 2 * b + 2 * c + slope(x + period * c, k)), -1e9, 1e9)
-        found.append(x)
-    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon), [state in angles for state in states])
+        simulated.append(x)
+    return rmse(np.stack(simulated, 1), windows(test, begun, states, 1, horizon), [state in angles for state in states])
 
 
 def by_lags(train, test, begun, states, angles, inputs, lags, horizon):
-    past = lambda own, names, row: np.concatenate([own[name][row - lags + 1 : row + 1] for name in names]) if names else np.empty(0)
+    past = lambda episode, names, row: np.concatenate([episode[name][row - lags + 1 : row + 1] for name in names]) if names else np.empty(0)
     X, Y = [], []
-    for own in train:
-        for row in range(lags - 1, len(own["t"]) - 1, max(1, len(own["t"]) // 20_000)):
-            X.append(np.concatenate([past(own, states, row), past(own, inputs, row)]))
-            Y.append([own[name][row + 1] for name in states])
+    for episode in train:
+        for row in range(lags - 1, len(episode["t"]) - 1, max(1, len(episode["t"]) // 20_000)):
+            X.append(np.concatenate([past(episode, states, row), past(episode, inputs, row)]))
+            Y.append([episode[name][row + 1] for name in states])
     model = LinearRegression().fit(np.array(X), np.array(Y))
     x = np.swapaxes(windows(test, begun, states, 1 - lags, 0), 1, 2)
     u = np.swapaxes(windows(test, begun, inputs, 1 - lags, horizon), 1, 2) if inputs else np.empty((len(begun), 0, 0))
-    found = []
+    simulated = []
     for k in range(horizon):
         row = np.concatenate([x.reshape(len(begun), -1), u[:, :, k : k + lags].reshape(len(begun), -1)], 1)
         ahead = np.clip(model.predict(row), -1e9, 1e9)
-        found.append(ahead)
+        simulated.append(ahead)
         x = np.concatenate([x[:, :, 1:], ahead[:, :, None]], 2)
-    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon), [state in angles for state in states])
+    return rmse(np.stack(simulated, 1), windows(test, begun, states, 1, horizon), [state in angles for state in states])
 
 
 def hands(rate, horizon):
-    """What a person would try: words of `fit`, and the rows of which one is seen."""
+    """Fits that a person would try: words of `fit`, and the rows of which one is seen."""
     usual = [
         (["narx"], 1),
         (["pwa", "--predict", "delta", "--partition", "average", "--lags", 5], 1),
@@ -157,74 +157,74 @@ def tried(fleetfoot, folder, recipe, words):
 
 def study(fleetfoot, data, folder, name):
     make, options = auto_logs.all_logs(fleetfoot, data, folder)[name]
-    own = folder / re.sub(r"[^a-z0-9]+", "-", name)
-    (own / "train").mkdir(parents=True, exist_ok=True)
+    work = folder / re.sub(r"[^a-z0-9]+", "-", name)
+    (work / "train").mkdir(parents=True, exist_ok=True)
     train, test = cut(make())
     for at, episode in enumerate(train):
-        write(own / "train" / f"e{at:02}.csv", episode)
+        write(work / "train" / f"e{at:02}.csv", episode)
     begin = time.perf_counter()
-    done = subprocess.run(list(map(str, [fleetfoot, "auto", own / "train", *options, "-o", own / "model", "--force", "--json", "-q"])), capture_output=True, text=True)
+    done = subprocess.run(list(map(str, [fleetfoot, "auto", work / "train", *options, "-o", work / "model", "--force", "--json", "-q"])), capture_output=True, text=True)
     seconds = time.perf_counter() - begin
     if done.returncode:
         return {"name": name, "failed": done.stderr.strip()[-300:]}
-    found = json.loads(done.stdout)
-    (own / "auto.txt").write_text(done.stdout)
-    states = [own["state"] for own in found["tested"]]
-    recipe = (own / "model" / "recipe.toml").read_text()
+    report = json.loads(done.stdout)
+    (work / "auto.txt").write_text(done.stdout)
+    states = [tested["state"] for tested in report["tested"]]
+    recipe = (work / "model" / "recipe.toml").read_text()
     inputs = [quoted or bare for quoted, bare in re.findall(r"^\[inputs\.(?:\"([^\"]+)\"|(\w+))\]", recipe, re.M)]
-    given = re.search(r"^rate = ([\d.e+-]+)", recipe, re.M)
-    period = 1 / float(given[1]) if given else float(np.median(np.concatenate([np.diff(own["t"]) for own in train])))
-    every = int(re.search(r"every (\d+) rows", found["chosen"])[1]) if "every" in found["chosen"] else 1
-    horizon = found["horizon"]["steps"]
+    rate = re.search(r"^rate = ([\d.e+-]+)", recipe, re.M)
+    period = 1 / float(rate[1]) if rate else float(np.median(np.concatenate([np.diff(episode["t"]) for episode in train])))
+    every = int(re.search(r"every (\d+) rows", report["chosen"])[1]) if "every" in report["chosen"] else 1
+    horizon = report["horizon"]["steps"]
     before = max(20, min(20 * every, 200))
     before += -before % max(every, 10)
     # A model of rows as they come counts rows; so do all others then.
-    as_they_come = found["chosen"].startswith("rows as they come")
+    as_they_come = report["chosen"].startswith("rows as they come")
     placed = (lambda episode: episode) if as_they_come else (lambda episode: even(episode, period))
-    rows = [placed(own) for own in test]
-    horizon = max(1, min(horizon, max(len(own["t"]) for own in rows) - before - 3))
+    rows = [placed(episode) for episode in test]
+    horizon = max(1, min(horizon, max(len(run["t"]) for run in rows) - before - 3))
     begun = starts(rows, horizon, before)
     for pieces, past in (("near", NEAR), ("far", before)):
-        (own / pieces).mkdir(exist_ok=True)
+        (work / pieces).mkdir(exist_ok=True)
         for k, (at, row) in enumerate(begun):
-            write(own / pieces / f"p{k:03}.csv", {name: values[row - past : row + horizon + 2] for name, values in rows[at].items()})
+            write(work / pieces / f"p{k:03}.csv", {name: values[row - past : row + horizon + 2] for name, values in rows[at].items()})
     measured = windows(rows, begun, states, 1, horizon)
-    columns = json.loads((own / "model" / "model.json").read_text())["model"]["columns"]
+    columns = json.loads((work / "model" / "model.json").read_text())["model"]["columns"]
     angles = [column["name"] for column in columns if column["angle"]]
     still = rmse(windows(rows, begun, states, 0, 0), measured, [state in angles for state in states])
     moving = [k for k, value in enumerate(still) if value > 0]
     ratio = lambda errors: float(np.mean([errors[k] / still[k] for k in moving]))
-    result = {"name": name, "options": list(options), "states": states, "inputs": inputs, "horizon": horizon, "seconds": seconds, "chosen": found["chosen"], "warning": found["warning"], "persistence": still}
-    errors, count = by_fleetfoot(fleetfoot, own / "model" / "model.json", own, states, angles, horizon, before, every)
+    result = {"name": name, "options": list(options), "states": states, "inputs": inputs, "horizon": horizon, "seconds": seconds, "chosen": report["chosen"], "warning": report["warning"], "persistence": still}
+    errors, count = by_fleetfoot(fleetfoot, work / "model" / "model.json", work, states, angles, horizon, before, every)
     result |= {"auto": ratio(errors), "starts": count, "of": len(begun)}
-    result["printed"] = [[state["state"], *state["rmse"], error] for state, error in zip(found["tested"], errors)]
-    result["said"] = float(np.mean([state["rmse"][0] / state["persistence"] for state in found["tested"]]))
+    result["printed"] = [[state["state"], *state["rmse"], error] for state, error in zip(report["tested"], errors)]
+    result["said"] = float(np.mean([state["rmse"][0] / state["persistence"] for state in report["tested"]]))
     key = json.dumps([states, angles, inputs, horizon, before, period, as_they_come])
-    kept = own / "rivals.json"
+    kept = work / "rivals.json"
     if kept.exists() and (known := json.loads(kept.read_text()))["key"] == key:
         return result | known
-    rivals, even_train = {"key": key}, [placed(own) for own in train]
+    rivals, even_train = {"key": key}, [placed(episode) for episode in train]
     try:
         rivals["pysindy"] = ratio(by_pysindy(even_train, rows, begun, states, angles, inputs, period, horizon))
     except Exception as problem:
         rivals["pysindy"] = str(problem)[:80]
     lagged = [ratio(by_lags(even_train, rows, begun, states, angles, inputs, lags, horizon)) for lags in LAGS]
     rivals["arx"] = min(lagged)
-    plain = own / "hand.toml"
+    plain = work / "hand.toml"
     state = lambda name: f'[states."{name}"]\n' + ('kind = "angle"\n' if name in angles else "")
-    plain.write_text("".join(map(state, states)) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {given[1]}\n" if given and not as_they_come else ""))
+    plain.write_text("".join(map(state, states)) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {rate[1]}\n" if rate and not as_they_come else ""))
     best = []
     linear = ["pwa", "--predict", "delta", "--partition", "average"]
     for words, seen in [(linear, 1), *hands(1 / period, horizon)]:
         try:
-            file = tried(fleetfoot, own, plain, list(words))
-            error = ratio(by_fleetfoot(fleetfoot, file, own, states, angles, horizon, before, seen)[0])
+            file = tried(fleetfoot, work, plain, list(words))
+            error = ratio(by_fleetfoot(fleetfoot, file, work, states, angles, horizon, before, seen)[0])
         except (RuntimeError, subprocess.TimeoutExpired) as problem:
             best.append([float("inf"), " ".join(map(str, words)), str(problem)[:200]])
             continue
         best.append([error, " ".join(map(str, words)), ""])
     rivals["linear"] = best[0][0]
-    rivals["hands"] = sorted(best, key=lambda own: own[0])
+    rivals["hands"] = sorted(best, key=lambda entry: entry[0])
     kept.write_text(json.dumps(rivals))
     return result | rivals
 

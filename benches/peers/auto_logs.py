@@ -39,18 +39,18 @@ def simulated(fleetfoot, folder, robot, *options, columns=None, every=1):
     for file in sorted((folder / robot).glob("*.parquet")):
         table = pyarrow.parquet.read_table(file)
         names = [name for name in table.column_names if columns is None or name in columns]
-        found = {name: table[name].to_numpy(zero_copy_only=False)[::every] for name in names}
+        signals = {name: table[name].to_numpy(zero_copy_only=False)[::every] for name in names}
         stamps = next(name for name in table.column_names if name in ("t", "time", "stamp", "seconds"))
         t = table[stamps].to_numpy(zero_copy_only=False)[::every].astype("int64" if "ns" in str(table[stamps].type) else float)
         t = (t - t[0]) * 1e-9 if t.dtype.kind == "i" else t - t[0]
-        found.pop(stamps, None)
-        episodes.append({"t": t.astype(float), **{k: v.astype(float) for k, v in found.items() if v.dtype.kind in "fiu"}})
+        signals.pop(stamps, None)
+        episodes.append({"t": t.astype(float), **{k: v.astype(float) for k, v in signals.items() if v.dtype.kind in "fiu"}})
     return episodes
 
 
 def played(name, states, step, seed, episodes, rows, hold=10):
     """Episodes of an environment of gymnasium under random actions that are held; its own state is logged."""
-    environment, random, found = gymnasium.make(name).unwrapped, np.random.default_rng(seed), []
+    environment, random, recorded = gymnasium.make(name).unwrapped, np.random.default_rng(seed), []
     box = environment.action_space
     for episode in range(episodes):
         environment.reset(seed=seed + episode)
@@ -66,8 +66,8 @@ def played(name, states, step, seed, episodes, rows, hold=10):
             if ended:
                 break
         if len(lines) > 40:
-            found.append(dict(zip(("t", *states, "action"), np.array(lines).T)))
-    return found
+            recorded.append(dict(zip(("t", *states, "action"), np.array(lines).T)))
+    return recorded
 
 
 def cart(seed, rows, step=0.02, delay=0):
@@ -88,18 +88,18 @@ def cart(seed, rows, step=0.02, delay=0):
 def noisy(episodes, share, columns, seed=7):
     """White noise on some columns: a share of their standard deviation."""
     random = np.random.default_rng(seed)
-    spread = {name: np.std(np.concatenate([own[name] for own in episodes])) for name in columns}
-    return [{name: values + share * spread[name] * random.normal(size=len(values)) if name in columns else values for name, values in own.items()} for own in episodes]
+    spread = {name: np.std(np.concatenate([episode[name] for episode in episodes])) for name in columns}
+    return [{name: values + share * spread[name] * random.normal(size=len(values)) if name in columns else values for name, values in episode.items()} for episode in episodes]
 
 
 def jittered(episodes, share=0.3, seed=8):
     """Rows measured at stamps that scatter about even ones by a share of the period."""
-    random, found = np.random.default_rng(seed), []
-    for own in episodes:
-        t = own["t"]
+    random, measured = np.random.default_rng(seed), []
+    for episode in episodes:
+        t = episode["t"]
         at = np.clip(t + share * (t[1] - t[0]) * random.uniform(-1, 1, len(t)), t[0], t[-1])
-        found.append({"t": at, **{name: held_or_between(at, t, values) for name, values in own.items() if name != "t"}})
-    return found
+        measured.append({"t": at, **{name: held_or_between(at, t, values) for name, values in episode.items() if name != "t"}})
+    return measured
 
 
 def held_or_between(at, t, values):
@@ -111,19 +111,19 @@ def held_or_between(at, t, values):
 
 def burst(episodes, size=4):
     """Rows whose stamps are those of arrival: `size` of them come together, a tenth of a period apart."""
-    found = []
-    for own in episodes:
-        t, rows = own["t"], np.arange(len(own["t"]))
+    bursts = []
+    for episode in episodes:
+        t, rows = episode["t"], np.arange(len(episode["t"]))
         period, last = t[1] - t[0], np.minimum((rows // size + 1) * size - 1, len(t) - 1)
-        found.append({**own, "t": t[last] + 0.1 * period * (rows % size)})
-    return found
+        bursts.append({**episode, "t": t[last] + 0.1 * period * (rows % size)})
+    return bursts
 
 
 def dropped(episodes, share=0.05, seed=9):
     """Rows without some of them."""
     random = np.random.default_rng(seed)
-    kept = [np.concatenate([[True], random.uniform(size=len(own["t"]) - 1) > share]) for own in episodes]
-    return [{name: values[keep] for name, values in own.items()} for own, keep in zip(episodes, kept)]
+    kept = [np.concatenate([[True], random.uniform(size=len(episode["t"]) - 1) > share]) for episode in episodes]
+    return [{name: values[keep] for name, values in episode.items()} for episode, keep in zip(episodes, kept)]
 
 
 def turtlebot(file):
@@ -132,9 +132,9 @@ def turtlebot(file):
 
     rows = []
     for message in read_ros2_messages(str(file), topics=["/odom"]):
-        own = message.ros_msg
-        stamp = own.header.stamp.sec + 1e-9 * own.header.stamp.nanosec
-        p, q, twist = own.pose.pose.position, own.pose.pose.orientation, own.twist.twist
+        odometry = message.ros_msg
+        stamp = odometry.header.stamp.sec + 1e-9 * odometry.header.stamp.nanosec
+        p, q, twist = odometry.pose.pose.position, odometry.pose.pose.orientation, odometry.twist.twist
         yaw = np.arctan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
         rows.append([stamp, p.x, p.y, yaw, twist.linear.x, twist.angular.z])
     return [dict(zip(("t", "x", "y", "yaw", "v", "w"), np.array(rows).T))]

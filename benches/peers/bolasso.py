@@ -38,16 +38,16 @@ def main():
             # LassoLars divides by the number of rows that it is given.
             model = LassoLars(alpha=alpha * rows / len(used), fit_intercept=False, copy_X=False, max_iter=10_000, eps=np.finfo(float).eps)
             model.fit(x, y[used] * root)
-            found = model.coef_
+            solution = model.coef_
         else:
             weighted = b * weights[:, None]
             gram, xy = b.T @ weighted, weighted.T @ y
             scale = np.sqrt(np.diag(gram) / rows)
             gram, xy = gram / scale / scale[:, None], xy / scale
             _, _, path = lars_path_gram(xy, gram, n_samples=rows, alpha_min=alpha, method="lasso", max_iter=10_000)
-            found = path[:, -1]
+            solution = path[:, -1]
         total += time.perf_counter() - begin
-        coefficients[replicate] = found / scale
+        coefficients[replicate] = solution / scale
     coefficients.tofile(folder / "coefficients.f64")
     print(json.dumps({"version": sklearn.__version__, "seconds": total}))
 

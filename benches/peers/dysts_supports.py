@@ -44,7 +44,7 @@ def systems():
     import sympy
     from dysts.systems import get_attractor_list
 
-    found, others = [], []
+    polynomial, others = [], []
     for name in get_attractor_list():
         flow = getattr(dysts.flows, name)()
         states, clock = sympy.symbols(f"x0:{flow.dimension}"), sympy.Symbol("t")
@@ -52,10 +52,10 @@ def systems():
             sides = [sympy.expand(side) for side in np.ravel(flow.rhs(np.array(states, dtype=object), clock))]
             if len(sides) != len(states) or any(clock in side.free_symbols for side in sides):
                 raise ValueError("not autonomous")
-            found.append((name, float(flow.period), np.ravel(flow.ic).astype(float), [sympy.Poly(side, *states) for side in sides]))
+            polynomial.append((name, float(flow.period), np.ravel(flow.ic).astype(float), [sympy.Poly(side, *states) for side in sides]))
         except Exception:  # whatever sympy cannot expand is no polynomial
             others.append(name)
-    return found, others
+    return polynomial, others
 
 
 def truth(sides):
@@ -82,10 +82,10 @@ def trajectories(name, period, start, sides, cache):
         for begin in (0.0, APART * period):
             stamps = begin + step * np.arange(ROWS)
             stamps = stamps if begin == 0.0 else np.concatenate([[0.0], stamps])
-            found = solve_ivp(flow, (0.0, stamps[-1]), start, "LSODA", stamps, rtol=1e-11, atol=1e-12)
-            if not found.success or not np.isfinite(found.y).all():
-                raise RuntimeError(f"{name}: {found.message}")
-            runs.append(found.y.T[-ROWS:])
+            solution = solve_ivp(flow, (0.0, stamps[-1]), start, "LSODA", stamps, rtol=1e-11, atol=1e-12)
+            if not solution.success or not np.isfinite(solution.y).all():
+                raise RuntimeError(f"{name}: {solution.message}")
+            runs.append(solution.y.T[-ROWS:])
         cache.mkdir(parents=True, exist_ok=True)
         np.savez(file, *runs)
     with np.load(file) as loaded:
@@ -109,7 +109,7 @@ def monomial(text, states):
 
 
 def report(binary, runs, step, options):
-    """What `fit sindy` tells of recordings of x0, x1, ...; nothing where it fails."""
+    """The report of `fit sindy` on recordings of x0, x1, ...; nothing where it fails."""
     names = [f"x{i}" for i in range(runs[0].shape[1])]
     with tempfile.TemporaryDirectory() as folder:
         files = []
@@ -125,16 +125,16 @@ def report(binary, runs, step, options):
     return json.loads(done.stdout)
 
 
-def terms(told, term, states):
+def terms(output, term, states):
     """The terms of every equation in the one region of a report."""
-    return [{term(one["function"], states) for one in equation["terms"]} for equation in told["regions"][0]["equations"]]
+    return [{term(equation_term["function"], states) for equation_term in equation["terms"]} for equation in output["regions"][0]["equations"]]
 
 
 def by_fleetfoot(binary, options):
     def fit(runs, step, degree):
         states = runs[0].shape[1]
-        told = report(binary, runs, step, ["--degree", str(degree), *options])
-        return [None] * states if told is None else terms(told, monomial, states)
+        output = report(binary, runs, step, ["--degree", str(degree), *options])
+        return [None] * states if output is None else terms(output, monomial, states)
 
     return fit
 
@@ -143,9 +143,9 @@ def by_pysindy(smoothed, ensemble, cache):
     import pysindy
 
     def fit(runs, step, degree):
-        """What pysindy says of the same rows does not change: it is asked once."""
-        asked = f"{pysindy.__version__} {np.__version__} {smoothed} {ensemble} {step!r} {degree} {THRESHOLD}".encode()
-        key = hashlib.sha256(asked + b"".join(np.ascontiguousarray(run).tobytes() for run in runs)).hexdigest()[:24]
+        """Supports of pysindy, which is asked once for the same rows."""
+        request = f"{pysindy.__version__} {np.__version__} {smoothed} {ensemble} {step!r} {degree} {THRESHOLD}".encode()
+        key = hashlib.sha256(request + b"".join(np.ascontiguousarray(run).tobytes() for run in runs)).hexdigest()[:24]
         file = cache / f"pysindy-{key}.json"
         if not file.exists():
             file.write_text(json.dumps([sorted(terms) for terms in answer(runs, step, degree)]))
@@ -178,9 +178,9 @@ def main():
     parser.add_argument("--no-peers", action="store_true")
     parser.add_argument("--json", type=pathlib.Path, help="what every method found, for every system")
     arguments = parser.parse_args()
-    found, others = systems()
-    wanted = arguments.systems and set(arguments.systems.split(","))
-    chosen = [system for system in found if not wanted or system[0] in wanted]
+    polynomial, others = systems()
+    names = arguments.systems and set(arguments.systems.split(","))
+    chosen = [system for system in polynomial if not names or system[0] in names]
     methods = {"fleetfoot, no options": by_fleetfoot(arguments.fleetfoot, arguments.option)}
     if not arguments.no_peers:
         methods |= {
@@ -216,9 +216,9 @@ def main():
     from importlib.metadata import version
 
     peers = ", ".join(f"{package} {version(package)}" for package in ("dysts", "pysindy", "numpy", "scipy", "sympy"))
-    own = subprocess.run([arguments.fleetfoot, "--version"], capture_output=True, text=True).stdout.strip()
-    print(f"{own}, {peers}")
-    print(f"{len(chosen)} polynomial systems of {len(found) + len(others)} flows; absent, because they are no autonomous polynomials: {', '.join(others)}")
+    release = subprocess.run([arguments.fleetfoot, "--version"], capture_output=True, text=True).stdout.strip()
+    print(f"{release}, {peers}")
+    print(f"{len(chosen)} polynomial systems of {len(polynomial) + len(others)} flows; absent, because they are no autonomous polynomials: {', '.join(others)}")
     print(f"two trajectories of {ROWS} rows at {PER_PERIOD} rows per period; noise of a share of each state's deviation, {len(SEEDS)} seeds\n")
     print("| method | noise | systems right | equations right |\n|---|---|---|---|")
     for (method, level), (right, of, equations, of_equations) in sorted(counts.items(), key=lambda entry: entry[0][1]):

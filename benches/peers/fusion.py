@@ -66,16 +66,16 @@ def body(folder):
     settings.setAbsoluteErrorTol(1e-9)
     start, used = time.perf_counter(), time.process_time()
     optimizer = gtsam.GaussNewtonOptimizer(graph, first, settings)
-    found = optimizer.optimize()
+    estimate = optimizer.optimize()
     optimised = time.perf_counter() - start, time.process_time() - used
-    marginals = gtsam.Marginals(graph, found)
+    marginals = gtsam.Marginals(graph, estimate)
     covariances = [[marginals.marginalCovariance(of(node)) for of in (pose, speed, bias)] for node in range(len(stamps))]
     seconds = time.perf_counter() - start, time.process_time() - used
     rows = []
     for node in range(len(stamps)):
-        at, own = found.atPose3(pose(node)), found.atConstantBias(bias(node))
+        at, biases = estimate.atPose3(pose(node)), estimate.atConstantBias(bias(node))
         q = at.rotation().toQuaternion()
-        parts = [[q.x(), q.y(), q.z(), q.w()], at.translation(), found.atVector(speed(node)), own.gyroscope(), own.accelerometer()]
+        parts = [[q.x(), q.y(), q.z(), q.w()], at.translation(), estimate.atVector(speed(node)), biases.gyroscope(), biases.accelerometer()]
         # A pose's error is its turn, then its shift, both in the body; a bias' that of the accelerometer, then of the gyroscope.
         of_pose, of_speed, of_bias = covariances[node]
         turn = at.rotation().matrix()

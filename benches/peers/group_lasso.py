@@ -42,9 +42,9 @@ def main():
         begin = time.perf_counter()
         state = fit()
         seconds.append(time.perf_counter() - begin)
-    found = {float(lmda): np.asarray(beta) for lmda, beta in zip(state.lmdas, state.betas.toarray())}
+    solutions = {float(lmda): np.asarray(beta) for lmda, beta in zip(state.lmdas, state.betas.toarray())}
     # Lambdas that it leaves out are those above where its path starts.
-    coefficients = np.array([found.get(float(lmda), np.zeros(x.shape[1])) for lmda in lambdas])
+    coefficients = np.array([solutions.get(float(lmda), np.zeros(x.shape[1])) for lmda in lambdas])
     coefficients.tofile(folder / "coefficients.f64")
     version = importlib.metadata.version("adelie")
     print(json.dumps({"version": version, "seconds": min(seconds)}))

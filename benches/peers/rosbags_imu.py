@@ -45,10 +45,10 @@ def write(path: Path, rounds: int):
     vector, stamp, header = types["geometry_msgs/msg/Vector3"], types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
     writer = Writer1(path) if is_first else Writer2(path.with_suffix(""), version=9)
     with writer:
-        topics = [writer.add_connection(*own, typestore=store) for own in (("/imu", imu), ("/points", points))]
+        topics = [writer.add_connection(*topic, typestore=store) for topic in (("/imu", imu), ("/points", points))]
         for turn in range(rounds):
-            for own, numbers in enumerate(random.standard_normal((20, 6)).tolist()):
-                at = START + 5_000_000 * (20 * turn + own)
+            for sample, numbers in enumerate(random.standard_normal((20, 6)).tolist()):
+                at = START + 5_000_000 * (20 * turn + sample)
                 head = header(seq=0, stamp=stamp(at // 10**9, at % 10**9), frame_id="imu") if is_first else header(
                     stamp=stamp(at // 10**9, at % 10**9), frame_id="imu"
                 )
@@ -65,8 +65,8 @@ def peer(path: Path):
     """The wanted numbers, of one process."""
     rows = []
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        wanted = [own for own in reader.connections if own.topic == "/imu"]
-        for connection, _, raw in reader.messages(connections=wanted):
+        connections = [candidate for candidate in reader.connections if candidate.topic == "/imu"]
+        for connection, _, raw in reader.messages(connections=connections):
             message = reader.deserialize(raw, connection.msgtype)
             w, a = message.angular_velocity, message.linear_acceleration
             rows.append((w.x, w.y, w.z, a.x, a.y, a.z))
@@ -77,10 +77,10 @@ def timed(command):
     """Wall and processor seconds of a process, and its peak memory in MiB."""
     begin = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    told = process.stderr.read().decode()
+    message = process.stderr.read().decode()
     _, status, usage = os.wait4(process.pid, 0)
     if status:
-        raise SystemExit(told)
+        raise SystemExit(message)
     return time.perf_counter() - begin, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
 
 
@@ -88,23 +88,23 @@ def compare(path: Path, fleetfoot: str, times: int):
     recipe = path.with_suffix(".toml")
     names = [field.replace(".", "_") for field in FIELDS]
     columns = "\n".join(f'{name} = "/imu.{field}"' for name, field in zip(names, FIELDS, strict=True))
-    states, inputs = ("\n".join(f"{name} = {{}}" for name in own) for own in (names[:3], names[3:]))
+    states, inputs = ("\n".join(f"{name} = {{}}" for name in part) for part in (names[:3], names[3:]))
     recipe.write_text(f"[columns]\n{columns}\n[states]\n{states}\n[inputs]\n{inputs}\n")
     out = path.with_suffix(".stats")
     scan = [fleetfoot, "scan", "-c", str(recipe), str(path), "--predict", "delta", "--no-cache", "-o", str(out)]
-    own, other = [], []
+    ours, other = [], []
     for _ in range(times):
         out.unlink(missing_ok=True)
-        own.append(timed(scan))
+        ours.append(timed(scan))
         other.append(timed([sys.executable, __file__, "--peer", str(path)]))
     rows = peer(path)
     info = json.loads(subprocess.run([fleetfoot, "info", "--values", "--json", str(path)], capture_output=True, check=True).stdout)[0]
-    found = {column["name"]: column for column in info["columns"]}
+    by_name = {column["name"]: column for column in info["columns"]}
     for place, field in enumerate(FIELDS):
-        column = found[f"/imu.{field}"]["statistics"]
+        column = by_name[f"/imu.{field}"]["statistics"]
         for key, value in (("min", rows[:, place].min()), ("max", rows[:, place].max())):
             assert column[key] == value, (field, key, column, value)
-    least = lambda all, key: min(one[key] for one in all)
+    least = lambda all, key: min(run[key] for run in all)
     print(
         json.dumps(
             {
@@ -112,11 +112,11 @@ def compare(path: Path, fleetfoot: str, times: int):
                 "bytes": path.stat().st_size,
                 "messages": len(rows),
                 "rosbags": importlib.metadata.version("rosbags"),
-                "seconds": [round(least(own, 0), 3), round(least(other, 0), 3)],
-                "processor": [round(least(own, 1), 3), round(least(other, 1), 3)],
-                "ratio": round(least(other, 0) / least(own, 0), 1),
-                "ratio_processor": round(least(other, 1) / least(own, 1), 1),
-                "peak_mib": [round(max(one[2] for one in all)) for all in (own, other)],
+                "seconds": [round(least(ours, 0), 3), round(least(other, 0), 3)],
+                "processor": [round(least(ours, 1), 3), round(least(other, 1), 3)],
+                "ratio": round(least(other, 0) / least(ours, 0), 1),
+                "ratio_processor": round(least(other, 1) / least(ours, 1), 1),
+                "peak_mib": [round(max(run[2] for run in all)) for all in (ours, other)],
             }
         ),
         flush=True,

@@ -25,9 +25,9 @@ def main():
     for _ in range(repeats):
         start, used = time.perf_counter(), time.process_time()
         spline = make_smoothing_spline(times, values, lam=lam)
-        found = np.concatenate([spline(times), spline.derivative()(times)])
+        fitted = np.concatenate([spline(times), spline.derivative()(times)])
         best, processor = min(best, time.perf_counter() - start), min(processor, time.process_time() - used)
-    found.tofile(folder / "found.f64")
+    fitted.tofile(folder / "found.f64")
     print(json.dumps({"version": scipy.__version__, "seconds": best, "processor": processor}))
 
 

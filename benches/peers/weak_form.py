@@ -80,8 +80,8 @@ def by_fleetfoot(binary, options):
     def fit(runs, period, library):
         states = runs[0].shape[1]
         functions = [f"poly({library[0]})"] + (["fourier(1)"] if library[1] else [])
-        told = flows.report(binary, runs, period, ["--library", ",".join(functions), *options])
-        return ([None] * states, None) if told is None else (flows.terms(told, term, states), [told.get("weak"), told.get("smooth_states")])
+        output = flows.report(binary, runs, period, ["--library", ",".join(functions), *options])
+        return ([None] * states, None) if output is None else (flows.terms(output, term, states), [output.get("weak"), output.get("smooth_states")])
 
     return fit
 
@@ -135,8 +135,8 @@ def cases(arguments):
             runs, period = record(name, seed)
             yield "six", name, runs, period, (3, SYSTEMS[name][3]), [set(terms) for terms in SYSTEMS[name][4]], seed
         if arguments.dysts:
-            found, _ = flows.systems()
-            for name, whole, start, sides in found:
+            polynomial, _ = flows.systems()
+            for name, whole, start, sides in polynomial:
                 if name in arguments.dysts.split(","):
                     runs, period = flows.trajectories(name, whole, start, sides, arguments.cache)
                     truth = [{tuple(s for s, p in enumerate(powers) for _ in range(p)) for powers in terms} for terms in flows.truth(sides)]

@@ -1,6 +1,6 @@
 //! Schemas, field names and messages of all encodings, none of them to be trusted.
 //!
-//! What is done with them stands in `body/cdr.rs`, which the tests share.
+//! The checks stand in `body/cdr.rs`, which the tests share.
 
 #![no_main]
 

@@ -1,6 +1,6 @@
 //! Whole log files, none of their bytes to be trusted.
 //!
-//! What is done with them stands in `body/reader.rs`, which the tests share.
+//! The checks stand in `body/reader.rs`, which the tests share.
 
 #![no_main]
 

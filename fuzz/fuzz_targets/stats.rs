@@ -1,6 +1,6 @@
 //! Statistics as files, none of their bytes to be trusted.
 //!
-//! What is done with them stands in `body/stats.rs`, which the tests share.
+//! The checks stand in `body/stats.rs`, which the tests share.
 
 #![no_main]
 

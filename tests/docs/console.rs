@@ -29,7 +29,7 @@ pub(crate) struct Difference {
     command: String,
     at: usize,
     shown: Vec<String>,
-    said: Vec<String>,
+    actual: Vec<String>,
 }
 
 /// Result of a page's commands.
@@ -41,9 +41,9 @@ pub(crate) struct Ran {
 }
 
 impl Difference {
-    pub(crate) fn told(&self, page: &Path) -> String {
-        let (shown, said) = (self.shown.join("\n"), self.said.join("\n"));
-        format!("{}:{}: $ {}\n--- shown\n{shown}\n--- said\n{said}", page.display(), self.at, self.command)
+    pub(crate) fn description(&self, page: &Path) -> String {
+        let (shown, actual) = (self.shown.join("\n"), self.actual.join("\n"));
+        format!("{}:{}: $ {}\n--- shown\n{shown}\n--- said\n{actual}", page.display(), self.at, self.command)
     }
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn corrected(text: &str, differences: &[Difference]) -> String {
     let mut lines: Vec<&str> = text.lines().collect();
     for difference in differences.iter().rev() {
         let shown = difference.at..difference.at + difference.shown.len();
-        lines.splice(shown, difference.said.iter().map(String::as_str));
+        lines.splice(shown, difference.actual.iter().map(String::as_str));
     }
     lines.join("\n") + "\n"
 }
@@ -103,15 +103,15 @@ pub(crate) fn run(page: &Path, blocks: &[Block]) -> Ran {
         for shown in commands(block) {
             ran.commands += 1;
             let Output { status, stdout, stderr } = shell(folder.path(), &shown.command);
-            let (said, talk) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
+            let (actual, talk) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
             if status.code() != Some(shown.code) {
                 let place = format!("{}:{}", page.display(), shown.at);
-                ran.problems.push(format!("{place}: $ {} ended with {status}\n{said}{talk}", shown.command));
+                ran.problems.push(format!("{place}: $ {} ended with {status}\n{actual}{talk}", shown.command));
                 return ran;
             }
-            let said: Vec<String> = said.trim_end().lines().map(|line| line.trim_end().to_owned()).collect();
-            if !shown.output.is_empty() && !matches(&shown.output, &said) {
-                ran.differences.push(Difference { command: shown.command, at: shown.at, shown: shown.output, said });
+            let actual: Vec<String> = actual.trim_end().lines().map(|line| line.trim_end().to_owned()).collect();
+            if !shown.output.is_empty() && !matches(&shown.output, &actual) {
+                ran.differences.push(Difference { command: shown.command, at: shown.at, shown: shown.output, actual });
             }
         }
     }
@@ -130,20 +130,20 @@ fn recording(folder: &Path, name: &str) -> bool {
 
 /// Runs a line with the command that is tested as `fleetfoot`.
 fn shell(folder: &Path, line: &str) -> Output {
-    let own = Path::new(env!("CARGO_BIN_EXE_fleetfoot")).parent().expect("it is in a folder").to_owned();
+    let binaries = Path::new(env!("CARGO_BIN_EXE_fleetfoot")).parent().expect("it is in a folder").to_owned();
     let path = env::var_os("PATH").unwrap_or_default();
-    let path = env::join_paths(std::iter::once(own).chain(env::split_paths(&path))).expect("a path");
+    let path = env::join_paths(std::iter::once(binaries).chain(env::split_paths(&path))).expect("a path");
     Command::new("sh").args(["-ec", line]).current_dir(folder).env("PATH", path).output().expect("sh runs")
 }
 
 /// Returns true if lines are as shown.
-fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
+fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], actual: &[B]) -> bool {
     match shown.split_first() {
-        None => said.is_empty(),
+        None => actual.is_empty(),
         Some((first, rest)) if first.as_ref().trim() == "..." => {
-            (0..=said.len()).any(|skipped| matches(rest, &said[skipped..]))
+            (0..=actual.len()).any(|skipped| matches(rest, &actual[skipped..]))
         }
-        Some((first, rest)) => said
+        Some((first, rest)) => actual
             .split_first()
             .is_some_and(|(line, after)| matches_line(first.as_ref(), line.as_ref()) && matches(rest, after)),
     }
@@ -151,31 +151,31 @@ fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
 
 /// Returns true if a line is as shown. `[..]` stands for any text, and a run of blanks for another one. Numbers are the
 /// same to a unit of their last digit, since other instruction sets round otherwise.
-fn matches_line(shown: &str, said: &str) -> bool {
-    let (shown, said) = (shown.trim_end(), said.trim_end());
-    shown == said || matches_from((shown, 0), (said, 0))
+fn matches_line(shown: &str, actual: &str) -> bool {
+    let (shown, actual) = (shown.trim_end(), actual.trim_end());
+    shown == actual || matches_from((shown, 0), (actual, 0))
 }
 
 /// The same from a place of each line on.
-fn matches_from((shown, at): (&str, usize), (said, from): (&str, usize)) -> bool {
-    let (left, right) = (&shown[at..], &said[from..]);
+fn matches_from((shown, at): (&str, usize), (actual, from): (&str, usize)) -> bool {
+    let (left, right) = (&shown[at..], &actual[from..]);
     if let Some(after) = left.strip_prefix("[..]") {
         let at = shown.len() - after.len();
-        return (from..=said.len())
-            .filter(|&from| said.is_char_boundary(from))
-            .any(|from| matches_from((shown, at), (said, from)));
+        return (from..=actual.len())
+            .filter(|&from| actual.is_char_boundary(from))
+            .any(|from| matches_from((shown, at), (actual, from)));
     }
-    if let (Some(one), Some(other)) = (number(shown, at), number(said, from)) {
-        return same_number(one, other) && matches_from((shown, at + one.len()), (said, from + other.len()));
+    if let (Some(one), Some(other)) = (number(shown, at), number(actual, from)) {
+        return same_number(one, other) && matches_from((shown, at + one.len()), (actual, from + other.len()));
     }
     match (left.chars().next(), right.chars().next()) {
         (None, None) => true,
         (Some(' '), Some(' ')) => {
             let blanks = |line: &str| line.len() - line.trim_start_matches(' ').len();
-            matches_from((shown, at + blanks(left)), (said, from + blanks(right)))
+            matches_from((shown, at + blanks(left)), (actual, from + blanks(right)))
         }
         (Some(one), Some(other)) if one == other => {
-            matches_from((shown, at + one.len_utf8()), (said, from + other.len_utf8()))
+            matches_from((shown, at + one.len_utf8()), (actual, from + other.len_utf8()))
         }
         _ => false,
     }
@@ -234,8 +234,8 @@ fn unit(number: &str) -> f64 {
 }
 
 #[test]
-fn numbers_are_compared_to_a_unit_of_the_last_digit_and_counts_exactly() {
-    for (shown, said) in [
+fn numbers_match_to_their_last_digit() {
+    for (shown, actual) in [
         ("       0       2          35424        3", "       0       2        35423.9        3"),
         ("loss 0.115 +- 0.005", "loss 0.116 +- 0.005"),
         ("4.0000000000000004 m", "3.9999999999999996 m"),
@@ -243,9 +243,9 @@ fn numbers_are_compared_to_a_unit_of_the_last_digit_and_counts_exactly() {
         ("to [..] of 2.51", "to 3e-16 of 2.50"),
         ("  f_y = -0.782373 + 0.792377*y", "  f_y = -0.782372 + 0.792377*y"),
     ] {
-        assert!(matches_line(shown, said), "{shown} | {said}");
+        assert!(matches_line(shown, actual), "{shown} | {actual}");
     }
-    for (shown, said) in [
+    for (shown, actual) in [
         ("399 rows", "400 rows"),
         ("loss 0.115", "loss 0.117"),
         ("-0.5", "0.5"),
@@ -255,19 +255,19 @@ fn numbers_are_compared_to_a_unit_of_the_last_digit_and_counts_exactly() {
         ("1e-5", "2e-6"),
         ("a 1", "a1"),
     ] {
-        assert!(!matches_line(shown, said), "{shown} | {said}");
+        assert!(!matches_line(shown, actual), "{shown} | {actual}");
     }
 }
 
 #[test]
-fn what_differs_is_found_and_corrected() {
+fn differences_are_corrected() {
     let text = "a\n\n```console\n$ printf 'one\\ntwo\\nthree\\n'\none\n...\n$ echo 4.25 s\n4.[..] s\n$ echo a && \\\n> exit 3\na\n? 3\n$ echo right\nwrong\n$ true\n```\n";
     let ran = run(Path::new("page.md"), &super::blocks(text));
     assert!(ran.problems.is_empty(), "{:?}", ran.problems);
     assert_eq!((ran.commands, ran.differences.len()), (5, 1));
     assert!(
         ran.differences[0]
-            .told(Path::new("page.md"))
+            .description(Path::new("page.md"))
             .contains("page.md:13: $ echo right\n--- shown\nwrong\n--- said\nright")
     );
     let corrected = corrected(text, &ran.differences);

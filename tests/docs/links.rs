@@ -42,7 +42,7 @@ fn slug(heading: &str) -> String {
 
 /// Targets of `](...)` and `src="..."`, outside of fenced blocks and code.
 fn targets(text: &str) -> Vec<String> {
-    let mut found = Vec::new();
+    let mut links = Vec::new();
     let mut within = false;
     for line in text.lines() {
         if line.trim_start().starts_with("```") {
@@ -54,18 +54,18 @@ fn targets(text: &str) -> Vec<String> {
         let plain: String = line.split('`').step_by(2).collect();
         for (begin, end) in [("](", ')'), ("src=\"", '"'), ("srcset=\"", '"')] {
             let after = plain.split(begin).skip(1);
-            found.extend(after.filter_map(|rest| rest.split(end).next()).map(str::to_owned));
+            links.extend(after.filter_map(|rest| rest.split(end).next()).map(str::to_owned));
         }
     }
-    found
+    links
 }
 
 #[test]
-fn missing_files_and_headings_are_found() {
+fn missing_files_and_headings_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("b.md"), "# One thing\n## And `another`, too\n").unwrap();
     let text = "[x](b.md#one-thing) [y](b.md#and-another-too) [z](https://example.org)\n[bad](c.md), `[code](d.md)`, [bad](b.md#two)\n";
-    let found = broken(folder.path(), Path::new("a.md"), text);
-    assert_eq!(found.len(), 2, "{found:?}");
-    assert!(found[0].contains("c.md: there is no such file") && found[1].contains("no such heading"));
+    let errors = broken(folder.path(), Path::new("a.md"), text);
+    assert_eq!(errors.len(), 2, "{errors:?}");
+    assert!(errors[0].contains("c.md: there is no such file") && errors[1].contains("no such heading"));
 }

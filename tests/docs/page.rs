@@ -47,11 +47,11 @@ pub(crate) fn blocks(text: &str) -> Vec<Block> {
             .take_while(|line| line.trim() != fence)
             .map(|line| line.get(indentation..).unwrap_or(line.trim_start()).to_owned())
             .collect();
-        let said = |key: &'static str| above.iter().filter_map(move |line| comment(line, key)).map(str::to_owned);
+        let values = |key: &'static str| above.iter().filter_map(move |line| comment(line, key)).map(str::to_owned);
         blocks.push(Block {
             kind: line.trim().trim_start_matches('`').split_whitespace().next().unwrap_or_default().to_owned(),
-            file: said("file").next(),
-            needs: said("needs").collect(),
+            file: values("file").next(),
+            needs: values("needs").collect(),
             line: number + 1,
             lines: inner,
         });
@@ -61,13 +61,13 @@ pub(crate) fn blocks(text: &str) -> Vec<Block> {
 }
 
 #[test]
-fn blocks_have_their_kind_file_needs_and_place() {
+fn blocks_keep_kind_file_and_needs() {
     let text = "a\n\n<!-- file: robot.toml -->\n```toml\n[states]\n```\n- b\n\n  <!-- needs: emps.csv -->\n  ```console\n  $ a\n    b\n  ```\n```\n```\n";
-    let found = blocks(text);
-    let kinds: Vec<&str> = found.iter().map(|block| block.kind.as_str()).collect();
+    let parsed = blocks(text);
+    let kinds: Vec<&str> = parsed.iter().map(|block| block.kind.as_str()).collect();
     assert_eq!(kinds, ["toml", "console", ""]);
-    assert_eq!((found[0].file.as_deref(), found[0].line), (Some("robot.toml"), 4));
-    assert_eq!((found[1].needs.as_slice(), found[1].line), (&["emps.csv".to_owned()][..], 10));
-    assert_eq!(found[1].lines, ["$ a", "  b"]);
-    assert!(found[2].file.is_none() && found[2].needs.is_empty());
+    assert_eq!((parsed[0].file.as_deref(), parsed[0].line), (Some("robot.toml"), 4));
+    assert_eq!((parsed[1].needs.as_slice(), parsed[1].line), (&["emps.csv".to_owned()][..], 10));
+    assert_eq!(parsed[1].lines, ["$ a", "  b"]);
+    assert!(parsed[2].file.is_none() && parsed[2].needs.is_empty());
 }

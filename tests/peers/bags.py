@@ -7,14 +7,14 @@ from layouts import compress_file
 FILES = 3
 
 
-def write(folder: Path, found, write_file, compressed=False):
+def write(folder: Path, events, write_file, compressed=False):
     """Splits messages in mid-run into files, with the metadata.yaml of `ros2 bag record`."""
     folder.mkdir(exist_ok=True)
     names, parts = [], []
     for k in range(FILES):
         # Not in the order of the alphabet: the order of the metadata counts.
         name = f"{folder.name}_{['b', 'a', 'c'][k]}.mcap"
-        part = found[len(found) * k // FILES : len(found) * (k + 1) // FILES]
+        part = events[len(events) * k // FILES : len(events) * (k + 1) // FILES]
         write_file(folder / name, part)
         if compressed:
             compress_file(folder / name, folder / f"{name}.zstd")
@@ -32,8 +32,8 @@ def span(part) -> tuple[int, int]:
 
 
 def metadata(names, parts, compressed) -> str:
-    found = [event for part in parts for event in part]
-    start, duration = span(found)
+    events = [event for part in parts for event in part]
+    start, duration = span(events)
     lines = [
         "rosbag2_bagfile_information:",
         "  version: 9",
@@ -42,10 +42,10 @@ def metadata(names, parts, compressed) -> str:
         f"    nanoseconds: {duration}",
         "  starting_time:",
         f"    nanoseconds_since_epoch: {start}",
-        f"  message_count: {len(found)}",
+        f"  message_count: {len(events)}",
         "  topics_with_message_count:",
     ]
-    for topic, kind in dict.fromkeys((event[0], event[1]) for event in found):
+    for topic, kind in dict.fromkeys((event[0], event[1]) for event in events):
         lines += [
             "    - topic_metadata:",
             f"        name: {topic}",
@@ -53,7 +53,7 @@ def metadata(names, parts, compressed) -> str:
             "        serialization_format: cdr",
             "        offered_qos_profiles: []",
             "        type_description_hash: \"\"",
-            f"      message_count: {sum(event[0] == topic for event in found)}",
+            f"      message_count: {sum(event[0] == topic for event in events)}",
         ]
     lines += [f"  compression_format: \"{'zstd' if compressed else ''}\"", f"  compression_mode: \"{'FILE' if compressed else ''}\""]
     lines += ["  relative_file_paths:"] + [f"    - {name}" for name in names] + ["  files:"]

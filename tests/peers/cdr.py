@@ -90,10 +90,10 @@ class Encoder:
             self.delimited(lambda: self.parameters(name, value))
 
     def members(self, name: str, value: dict):
-        own = fields(name)
-        if not own:
+        declared = fields(name)
+        if not declared:
             self.number("uint8", 0)
-        for field in own:
+        for field in declared:
             if (name, field.name) in self.optional:
                 self.number("bool", value[field.name] is not None)
                 if value[field.name] is None:
@@ -131,11 +131,11 @@ def complete(name: str, value: dict, optional=()) -> dict:
         if (name, field.name) in optional and value.get(field.name) is None:
             result[field.name] = None
             continue
-        given = value.get(field.name, MISSING)
-        if given is MISSING:
-            given = default(field)
+        content = value.get(field.name, MISSING)
+        if content is MISSING:
+            content = default(field)
         one = lambda item: exact(field.base, item, optional)  # noqa: E731
-        result[field.name] = one(given) if field.count is None else [one(item) for item in given]
+        result[field.name] = one(content) if field.count is None else [one(item) for item in content]
     return result
 
 

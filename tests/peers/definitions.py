@@ -96,7 +96,7 @@ Assembly[<=2] assemblies
 float64[] none_at_all
 uint8 last
 """,
-    # What the Python packages cannot decode: the writers know the values.
+    # Types that the Python packages cannot decode: the writers know the values.
     "fleet_msgs/msg/Wide": """wstring caption
 uint8 after
 wstring<=8 short_caption
@@ -190,7 +190,7 @@ def full_name(base: str, package: str) -> str:
 
 def fields(name: str, definitions=ROS2) -> list[Field]:
     """The fields of a ROS 2 type."""
-    found = []
+    listed = []
     for line in definitions[name].splitlines():
         line = line.split(" #")[0].strip()
         if not line or line.startswith("#") or "=" in line.replace("<=", ""):
@@ -204,8 +204,8 @@ def fields(name: str, definitions=ROS2) -> list[Field]:
         size = None if count is None else -1 if count == "" or match["bound"] else int(count)
         bound = int(count) if match["bound"] else None
         text_bound = int(match["text_bound"]) if match["text_bound"] else None
-        found.append(Field(match["name"], base, size, bound, text_bound, match["default"]))
-    return found
+        listed.append(Field(match["name"], base, size, bound, text_bound, match["default"]))
+    return listed
 
 
 def uses(name: str, definitions) -> list[str]:
@@ -253,11 +253,11 @@ def idl_file(name: str, annotation: Optional[str], optional) -> str:
         "// generated code does not contain a copyright notice",
         "",
     ]
-    own = fields(name)
-    includes = dict.fromkeys(field.base for field in own if "/" in field.base)
+    declared = fields(name)
+    includes = dict.fromkeys(field.base for field in declared if "/" in field.base)
     lines += [f'#include "{used}.idl"' for used in includes] + [""]
     lines += [f"module {package} {{", "  module msg {"]
-    typedefs = dict.fromkeys(typedef(field) for field in own if field.count is not None and field.count >= 0)
+    typedefs = dict.fromkeys(typedef(field) for field in declared if field.count is not None and field.count >= 0)
     lines += [f"    {text}" for text in typedefs]
     constants = [match for line in ROS2[name].splitlines() if (match := CONSTANT.match(line.strip()))]
     if constants:
@@ -270,9 +270,9 @@ def idl_file(name: str, annotation: Optional[str], optional) -> str:
     lines += ['    @verbatim (language="comment", text=']
     lines += [f'      "A type of the tests; struct {short} {{" "\\n"', '      "its second line.")']
     lines.append(f"    struct {short} {{")
-    if not own:
+    if not declared:
         lines.append("      uint8 structure_needs_at_least_one_member;")
-    for field in own:
+    for field in declared:
         lines += idl_field(field, (name, field.name) in optional)
     return "\n".join(lines + ["    };", "  };", "};", ""])
 

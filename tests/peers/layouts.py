@@ -61,15 +61,15 @@ def compress_file(source, target):
 
 
 def chunks(path) -> list[tuple[int, int, Chunk]]:
-    """Where the compressed data of every chunk begins and ends, and the chunk."""
+    """Begin and end of the compressed data of every chunk, and the chunk."""
     data = open(path, "rb").read()
-    found, place = [], 0
+    spans, place = [], 0
     for record in StreamReader(io.BytesIO(data), emit_chunks=True).records:
         if isinstance(record, Chunk):
             start = data.index(record.data, place)
             place = start + len(record.data)
-            found.append((start, place, record))
-    return found
+            spans.append((start, place, record))
+    return spans
 
 
 def messages(chunk: Chunk) -> list[Message]:

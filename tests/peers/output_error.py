@@ -76,8 +76,8 @@ class Problem:
                 return (self.errors(moved, count).imag / 1e-30 / sigma[:, None]).reshape(-1, len(z))
             size = np.finfo(float).eps ** 0.5 * np.maximum(1, np.abs(z))
             moved = np.column_stack([z[:, None] + np.diag(size), z])
-            found = (self.errors(moved, count) / sigma[:, None]).reshape(-1, len(z) + 1)
-            return (found[:, :-1] - found[:, -1:]) / size
+            values = (self.errors(moved, count) / sigma[:, None]).reshape(-1, len(z) + 1)
+            return (values[:, :-1] - values[:, -1:]) / size
 
         z = least_squares(residuals, z, jac=jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-10, gtol=1e-10).x
         # MINPACK ends where costs are equal up to rounding, eight digits before the parameters are: Gauss-Newton steps find the others.

@@ -35,21 +35,21 @@ def read(path: str) -> Columns:
             factors[fields["FmtType"]] = fields["MultIds"]
         if name in DEFINING:
             continue
-        own = message.fmt
+        layout = message.fmt
         if "TimeUS" in fields:
             last = fields["TimeUS"] * 1000
         values = {}
-        for place, field in enumerate(own.columns):
+        for place, field in enumerate(layout.columns):
             value = fields[field]
-            if isinstance(value, array) or own.format[place] == "a":
+            if isinstance(value, array) or layout.format[place] == "a":
                 value = [int(item) for item in value] if isinstance(value, array) else value
-            elif own.msg_mults[place] is None and field != "TimeUS":
-                letter = factors.get(own.type, "")[place : place + 1]
+            elif layout.msg_mults[place] is None and field != "TimeUS":
+                letter = factors.get(layout.type, "")[place : place + 1]
                 value = scaled(value, log.mult_lookup.get(letter, 1.0))
             values[field] = value
         topic = f"/{name}"
-        if own.instance_field is not None and str(fields[own.instance_field]) != "0":
-            topic += f".{fields[own.instance_field]}"
+        if layout.instance_field is not None and str(fields[layout.instance_field]) != "0":
+            topic += f".{fields[layout.instance_field]}"
         columns.topic(topic).add(last, last, values)
     return columns
 

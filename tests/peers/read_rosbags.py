@@ -26,7 +26,7 @@ def plain(value, ros1: bool):
     if isinstance(value, numpy.ndarray):
         return value.tolist()
     if is_dataclass(value):
-        names = [own.name for own in fields(value) if not own.name.startswith("__") and not own.name.isupper() and own.name != "structure_needs_at_least_one_member"]
+        names = [field.name for field in fields(value) if not field.name.startswith("__") and not field.name.isupper() and field.name != "structure_needs_at_least_one_member"]
         if ros1 and names == ["sec", "nanosec"]:
             return {"secs": value.sec, "nsecs": value.nanosec}
         return {name: plain(getattr(value, name), ros1) for name in names}
@@ -59,7 +59,7 @@ def read(path: Path) -> Columns:
     if path.suffix == ".db3":
         store = get_typestore(Stores.ROS2_HUMBLE)
         rows, types = database(path)
-        store.register({kind: own for kind, own in types.items() if kind not in store.types})
+        store.register({kind: definition for kind, definition in types.items() if kind not in store.types})
         for name, kind, time, data in rows:
             topic = columns.topic(name)
             try:

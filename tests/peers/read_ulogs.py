@@ -53,7 +53,7 @@ def add_logged(columns: Columns, log: ULog):
 
 
 def finite(values: dict) -> dict:
-    """What is not finite as a word, which JSON can hold."""
+    """The values, those that are not finite as words, which JSON can hold."""
     return {key: repr(value) if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()}
 
 

@@ -36,7 +36,7 @@ def value(record, kind: str):
     if kind == "struct:Pose2d":
         return asdict(wpistruct.unpack(Pose, record.getRaw()))
     if kind == "struct:Module[]":
-        return {"value": [asdict(own) for own in wpistruct.unpackArray(Module, record.getRaw())]}
+        return {"value": [asdict(entry) for entry in wpistruct.unpackArray(Module, record.getRaw())]}
     return None
 
 

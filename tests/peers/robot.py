@@ -85,11 +85,11 @@ def transforms(place: int, seconds: float, at: int) -> dict:
     frames = [("odom", "base_link", xyz(x, y, 0.0), heading(yaw)), ("base_link", "laser", xyz(0.1, 0.0, 0.2), heading(seconds))]
     if place % 4 == 0:
         frames.insert(0, ("map", "odom", xyz(1.0, 2.0 + 0.001 * place, 0.0), heading(0.5)))
-    told = [
+    stamped = [
         {"header": header(at + k, parent), "child_frame_id": child, "transform": {"translation": shift, "rotation": turn}}
         for k, (parent, child, shift, turn) in enumerate(frames)
     ]
-    return {"transforms": told}
+    return {"transforms": stamped}
 
 
 def command(place: int, seconds: float) -> dict:

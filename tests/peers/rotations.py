@@ -28,5 +28,5 @@ recorded = rotations([log[int(row["row"])] for row in simulated])
 angles = (rotations(simulated).inv() * recorded).magnitude()
 steps = np.array([int(row["step"]) for row in simulated])
 for step in range(1, steps.max() + 1):
-    own = angles[steps == step]
-    print(repr(float(np.sqrt(np.mean(own**2)))), repr(float(np.mean(own))))
+    errors = angles[steps == step]
+    print(repr(float(np.sqrt(np.mean(errors**2)))), repr(float(np.mean(errors))))

@@ -22,15 +22,15 @@ def slope(state, theta):
 
 
 def residuals(theta):
-    state, found = rows[starts], []
+    state, states = rows[starts], []
     for _ in range(steps):
         one = slope(state, theta)
         two = slope(state + 0.5 * period * one, theta)
         three = slope(state + 0.5 * period * two, theta)
         four = slope(state + period * three, theta)
         state = state + period / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-        found.append(state)
-    return ((measured - np.stack(found, axis=1)) / np.sqrt(steps)).ravel()
+        states.append(state)
+    return ((measured - np.stack(states, axis=1)) / np.sqrt(steps)).ravel()
 
 
 best = least_squares(residuals, [-0.9, 0.8, -0.8], method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)

@@ -10,8 +10,8 @@ from scipy import interpolate, signal
 def spline(rows, lam):
     """Values and slopes of the cubic smoothing spline at the stamps."""
     t, y, w = rows
-    found = interpolate.make_smoothing_spline(t, y, w=w, lam=float(lam))
-    return np.concatenate([found(t), found.derivative()(t)])
+    curve = interpolate.make_smoothing_spline(t, y, w=w, lam=float(lam))
+    return np.concatenate([curve(t), curve.derivative()(t)])
 
 
 def interpolated(curve, t):
@@ -47,12 +47,12 @@ def savgol_exact(rows, window, degree, derivative, dt):
         return [sum(powers[j] * Fraction(k) ** j for j in range(degree + 1)) for k in range(-half, half + 1)]
 
     weights = {at: slope(at) for at in range(-half, half + 1)}
-    scale, found = Fraction(dt) ** derivative, []
+    scale, slopes = Fraction(dt) ** derivative, []
     for row in range(len(y)):
         middle = min(max(row, half), len(y) - 1 - half)
         weight = weights[row - middle]
-        found.append(float(sum(w * v for w, v in zip(weight, y[middle - half : middle + half + 1])) / scale))
-    return np.array(found)
+        slopes.append(float(sum(w * v for w, v in zip(weight, y[middle - half : middle + half + 1])) / scale))
+    return np.array(slopes)
 
 
 def solved(matrix):

@@ -1,4 +1,4 @@
-"""How fast the Python package decodes a log, and how fast its chunks decompress.
+"""Speed at which the Python package decodes a log, and at which its chunks decompress.
 
     python time_imu.py FILE [--messages 100000] [--gigabytes 2]
 
@@ -39,7 +39,7 @@ def read_and_decode(path: str, count: int) -> float:
 
 def decode(path: str, count: int) -> float:
     """Messages a second, from memory."""
-    schemas, channels, found = {}, {}, []
+    schemas, channels, messages = {}, {}, []
     with open(path, "rb") as stream:
         for record in StreamReader(stream).records:
             if isinstance(record, Schema):
@@ -47,16 +47,16 @@ def decode(path: str, count: int) -> float:
             elif isinstance(record, Channel):
                 channels[record.id] = record
             elif isinstance(record, Message):
-                found.append(record)
-                if len(found) == count:
+                messages.append(record)
+                if len(messages) == count:
                     break
-    channel = channels[found[0].channel_id]
+    channel = channels[messages[0].channel_id]
     decoder = DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
     begin = time.perf_counter()
-    total = sum(decoder(message.data).angular_velocity.z for message in found)
+    total = sum(decoder(message.data).angular_velocity.z for message in messages)
     seconds = time.perf_counter() - begin
     assert total == total
-    return len(found) / seconds
+    return len(messages) / seconds
 
 
 def decompress(path: str, limit: float):

@@ -40,7 +40,7 @@ TYPES = [
 UNITS = {"-": "", "?": "UNKNOWN", "s": "s", "b": "B", "E": "rad/s", "o": "m/s/s", "O": "degC", "z": "Hz", "d": "deg", "h": "degheading", "S": "satellites",
          "D": "deglatitude", "U": "deglongitude", "m": "m", "n": "m/s", "v": "V", "A": "A", "a": "Ah", "X": "W.h", "w": "Ohm", "%": "%", "#": "instance"}
 MULTS = {"-": 0.0, "?": 1.0, "2": 1e2, "1": 1e1, "0": 1.0, "A": 1e-1, "B": 1e-2, "C": 1e-3, "D": 1e-4, "E": 1e-5, "F": 1e-6, "G": 1e-7, "!": 3.6, "/": 3600.0}
-BY_NAME = {own[1]: own for own in TYPES}
+BY_NAME = {entry[1]: entry for entry in TYPES}
 # Multipliers are constants of four bytes in the writer.
 single = lambda value: struct.unpack("<f", struct.pack("<f", value))[0]
 

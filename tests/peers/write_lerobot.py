@@ -55,7 +55,7 @@ def main():
     path = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     write(folder / path.format(chunk_index=0, file_index=0), pyarrow.concat_tables(episodes[:2]))
     write(folder / path.format(chunk_index=0, file_index=1), episodes[2])
-    own = {
+    columns = {
         "episode_index": [0, 1, 2],
         "tasks": [["drive"]] * 3,
         "length": list(LENGTHS),
@@ -64,7 +64,7 @@ def main():
         "dataset_from_index": starts,
         "dataset_to_index": [start + length for start, length in zip(starts, LENGTHS, strict=True)],
     }
-    write(folder / "meta/episodes/chunk-000/file-000.parquet", pyarrow.table(own))
+    write(folder / "meta/episodes/chunk-000/file-000.parquet", pyarrow.table(columns))
     write(folder / "meta/tasks.parquet", pyarrow.table({"task_index": [0], "__index_level_0__": ["drive"]}))
     feature = lambda dtype, names: {"dtype": dtype, "shape": [len(names) if names else 1], "names": names}
     info = {

@@ -50,7 +50,7 @@ def events(duration: float, topics=None, clock=lambda topic, place, at: (at, at 
 
     `clock` tells the header stamp and the log time of a measurement, or None to leave it out.
     """
-    found = []
+    measured = []
     for order, (topic, kind, rate, make) in enumerate(TOPICS):
         if topics is not None and topic not in topics:
             continue
@@ -59,17 +59,17 @@ def events(duration: float, topics=None, clock=lambda topic, place, at: (at, at 
             stamps = clock(topic, place, at)
             if stamps is not None:
                 value = make(place, place / rate, stamps[0])
-                found.append((stamps[1], order, place, topic, kind, value))
-    found.sort(key=lambda event: event[:3])
-    return [(topic, kind, place, value, log, log - MILLISECOND) for log, _, place, topic, kind, value in found]
+                measured.append((stamps[1], order, place, topic, kind, value))
+    measured.sort(key=lambda event: event[:3])
+    return [(topic, kind, place, value, log, log - MILLISECOND) for log, _, place, topic, kind, value in measured]
 
 
-def write_ros2(path, found):
+def write_ros2(path, messages):
     """With the library's own writer."""
     with open(path, "wb") as stream:
         with mcap_ros2.writer.Writer(stream, chunk_size=CHUNK_SIZE) as out:
             schemas = {}
-            for topic, kind, place, value, log, publish in found:
+            for topic, kind, place, value, log, publish in messages:
                 if kind not in schemas:
                     schemas[kind] = out.register_msgdef(kind, msg_text(kind))
                 out.write_message(topic, schemas[kind], value, log, publish, place)
@@ -83,7 +83,7 @@ def ros1_value(classes, kind, value):
         base = slot_type.split("[")[0]
         base = "std_msgs/Header" if base == "Header" else base
         if base in classes:
-            item = [ros1_value(classes, base, one) for one in item] if "[" in slot_type else ros1_value(classes, base, item)
+            item = [ros1_value(classes, base, element) for element in item] if "[" in slot_type else ros1_value(classes, base, item)
         setattr(made, slot, item)
     return made
 
@@ -170,14 +170,14 @@ def write_json(path):
     out.finish()
 
 
-def write_cdr(path, kind: int, found, idl=None):
+def write_cdr(path, kind: int, messages, idl=None):
     """With the encoder of cdr.py, and the truth beside it.
 
     `idl` makes schemas of another language: (texts by type, extensibility, optional).
     """
     texts, extensibility, optional = idl or ({}, None, ())
     out, columns, channels = writer(path), Columns(), {}
-    for topic, name, place, value, log, publish in found:
+    for topic, name, place, value, log, publish in messages:
         if topic not in channels:
             encoding = "ros2idl" if name in texts else "ros2msg"
             schema = out.register_schema(name, encoding, texts.get(name, msg_text(name)).encode())
@@ -196,7 +196,7 @@ def wide_events():
 def write_encodings(folder: Path):
     """All forms of CDR, and IDL schemas."""
     some = {"/imu", "/joint_states", "/tf", "/types", "/arrays", "/nothing"}
-    found = events(2.0, some) + wide_events()
+    messages = events(2.0, some) + wide_events()
     for label, kind in [
         ("cdr_le", cdr.CDR_LE),
         ("cdr_be", cdr.CDR_BE),
@@ -205,12 +205,12 @@ def write_encodings(folder: Path):
         ("delimited_cdr2_le", cdr.D_CDR2_LE),
         ("delimited_cdr2_be", cdr.D_CDR2_BE),
     ]:
-        write_cdr(folder / f"{label}.mcap", kind, found)
-    kinds = {name for _, name, *_ in found}
-    write_cdr(folder / "idl.mcap", cdr.CDR_LE, found, ({name: idl_text(name) for name in kinds}, None, ()))
+        write_cdr(folder / f"{label}.mcap", kind, messages)
+    kinds = {name for _, name, *_ in messages}
+    write_cdr(folder / "idl.mcap", cdr.CDR_LE, messages, ({name: idl_text(name) for name in kinds}, None, ()))
     # Without the separator before the first file, as some writers have it.
     plain = {name: idl_text(name, leading_separator=False) for name in kinds}
-    write_cdr(folder / "idl_bare.mcap", cdr.CDR_BE, found, (plain, None, ()))
+    write_cdr(folder / "idl_bare.mcap", cdr.CDR_BE, messages, (plain, None, ()))
     write_extensible(folder)
 
 
@@ -224,13 +224,13 @@ def write_extensible(folder: Path):
         ("idl_mutable", cdr.PL_CDR2_LE, {assembly: "mutable", part: "appendable"}),
         ("idl_mutable_parts", cdr.D_CDR2_BE, {assembly: "appendable", part: "mutable"}),
     ]:
-        found = []
+        messages = []
         for place in range(30):
             spares = [robot.part(place + k) | ({"weight": None} if (place + k) % 2 else {}) for k in range(place % 4)]
             value = {"grade": place, "main": None if place % 3 == 0 else robot.part(place), "spares": spares, "done": place % 2 == 1}
-            found.append(("/assembly", assembly, place, value, START + place * SECOND // 10, START))
+            messages.append(("/assembly", assembly, place, value, START + place * SECOND // 10, START))
         text = idl_text(assembly, extensibility, optional)
-        write_cdr(folder / f"{label}.mcap", kind, found, ({assembly: text}, extensibility, optional))
+        write_cdr(folder / f"{label}.mcap", kind, messages, ({assembly: text}, extensibility, optional))
 
 
 def write_clocks(folder: Path):
@@ -259,9 +259,9 @@ def write_clocks(folder: Path):
     for clock in (two_clocks, zero_stamps, some_zero_stamps, jitter, gap, apart):
         write_ros2(folder / f"{clock.__name__}.mcap", events(4.0, STATES, clock))
     # The same with the file out of the order of its log stamps, too.
-    found = events(4.0, STATES)
-    shuffled = sorted(range(len(found)), key=lambda k: found[k][4] + 15 * MILLISECOND * robot.noise(12, k))
-    write_ros2(folder / "out_of_order.mcap", [found[k] for k in shuffled])
+    messages = events(4.0, STATES)
+    shuffled = sorted(range(len(messages)), key=lambda k: messages[k][4] + 15 * MILLISECOND * robot.noise(12, k))
+    write_ros2(folder / "out_of_order.mcap", [messages[k] for k in shuffled])
 
 
 def write_odd_channels(path):
@@ -305,7 +305,7 @@ def write_damaged(folder: Path):
         whole, damaged = folder / f"{source}.mcap", folder / f"{label}.mcap"
         middle = damage(whole, damaged)
         every = [[key(message) for message in messages(chunk)] for _, _, chunk in chunks(whole)]
-        lost = {one for place, chunk in enumerate(every) for one in chunk if place == middle or (damage is truncate and place > middle)}
+        lost = {entry for place, chunk in enumerate(every) for entry in chunk if place == middle or (damage is truncate and place > middle)}
         left = folder / "left.tmp"
         relayout(whole, left, "none", keep=lambda message: key(message) not in lost)
         read(str(left), False)[0].write(damaged)
@@ -313,7 +313,7 @@ def write_damaged(folder: Path):
 
 
 def key(message):
-    """What tells a message from all others of a file."""
+    """Fields that distinguish a message from all others of a file."""
     return message.channel_id, message.sequence, message.log_time
 
 
@@ -332,9 +332,9 @@ def write_all(folder: Path):
     write_clocks(folder)
     write_odd_channels(folder / "odd_channels.mcap")
     write_damaged(folder)
-    found = events(6.0, {"/imu", "/odom"})
-    bags.write(folder / "split_bag", found, write_ros2)
-    bags.write(folder / "compressed_bag", found, write_ros2, compressed=True)
+    messages = events(6.0, {"/imu", "/odom"})
+    bags.write(folder / "split_bag", messages, write_ros2)
+    bags.write(folder / "compressed_bag", messages, write_ros2, compressed=True)
 
 
 def main():

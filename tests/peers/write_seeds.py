@@ -63,12 +63,12 @@ def ros2_seeds():
     }
     for name, value in values.items():
         whole = cdr.complete(name, value)
-        wanted = paths(whole) + named.get(name, [])
+        listed = paths(whole) + named.get(name, [])
         for kind in (cdr.CDR_LE, cdr.CDR_BE, cdr.CDR2_LE, cdr.D_CDR2_LE):
             short = name.split("/")[-1].lower()
             data = cdr.encode(kind, name, whole)
-            yield f"{short}_{kind}", seed("cdr", "ros2msg", msg_text(name).encode(), name, wanted, data)
-        yield f"{short}_idl", seed("cdr", "ros2idl", idl_text(name).encode(), name, wanted, cdr.encode(cdr.CDR_LE, name, whole))
+            yield f"{short}_{kind}", seed("cdr", "ros2msg", msg_text(name).encode(), name, listed, data)
+        yield f"{short}_idl", seed("cdr", "ros2idl", idl_text(name).encode(), name, listed, cdr.encode(cdr.CDR_LE, name, whole))
     yield from extensible_seeds()
 
 
@@ -77,11 +77,11 @@ def extensible_seeds():
     optional = {(part, "weight"), (assembly, "main")}
     value = {"grade": 3, "main": robot.part(2), "spares": [robot.part(1), robot.part(5) | {"weight": None}], "done": True}
     whole = cdr.complete(assembly, value, optional)
-    for kind, how in [(cdr.CDR2_LE, "final"), (cdr.D_CDR2_LE, "appendable"), (cdr.PL_CDR2_LE, "mutable")]:
-        extensibility = {assembly: how, part: how}
+    for kind, extension in [(cdr.CDR2_LE, "final"), (cdr.D_CDR2_LE, "appendable"), (cdr.PL_CDR2_LE, "mutable")]:
+        extensibility = {assembly: extension, part: extension}
         schema = idl_text(assembly, extensibility, optional).encode()
         data = cdr.encode(kind, assembly, whole, extensibility, optional)
-        yield f"assembly_{how}", seed("cdr", "ros2idl", schema, assembly, paths(whole), data)
+        yield f"assembly_{extension}", seed("cdr", "ros2idl", schema, assembly, paths(whole), data)
 
 
 def other_seeds(folder: Path):

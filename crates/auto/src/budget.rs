@@ -32,11 +32,11 @@ impl Budget {
         };
         let operations: Vec<f64> = trials.iter().map(|trial| operations(trial, rows, logs)).collect();
         let mut sum = 0.0;
-        let borne = operations.iter().zip(trials).map(|(&own, trial)| {
+        let borne = operations.iter().zip(trials).map(|(&cost, trial)| {
             // A network comes last: what the others leave is its.
             let of_one = if trial.kind == Kind::Network { TOGETHER * most } else { most };
-            let borne = own <= of_one && sum + own <= TOGETHER * most;
-            sum += if borne { own } else { 0.0 };
+            let borne = cost <= of_one && sum + cost <= TOGETHER * most;
+            sum += if borne { cost } else { 0.0 };
             borne
         });
         Self { borne: borne.collect(), operations }

@@ -246,18 +246,18 @@ impl List<'_> {
             Effort::Low => &[2],
             _ => &[1, 2, 3],
         };
-        let own_library = !self.base.library.functions.is_empty() || self.base.library.radial.is_some();
-        let degrees: Vec<u32> = if own_library { vec![1] } else { degrees.to_vec() };
+        let has_library = !self.base.library.functions.is_empty() || self.base.library.radial.is_some();
+        let degrees: Vec<u32> = if has_library { vec![1] } else { degrees.to_vec() };
         let mut trials = Vec::new();
         for degree in degrees {
-            if !own_library && monomials(self.rows.columns, degree as usize) > most_functions(self.effort) {
+            if !has_library && monomials(self.rows.columns, degree as usize) > most_functions(self.effort) {
                 continue;
             }
-            let what = if own_library { "of the recipe's library".into() } else { format!("of degree {degree}") };
+            let what = if has_library { "of the recipe's library".into() } else { format!("of degree {degree}") };
             let of = |name: String, predict: &str, over: Option<u32>| {
                 self.trial(name, Kind::Sindy, |recipe| {
                     recipe.model.predict = Some(predict.into());
-                    recipe.model.degree = (!own_library).then_some(degree);
+                    recipe.model.degree = (!has_library).then_some(degree);
                     mean_slopes(recipe, over);
                     recipe.sindy.folds.get_or_insert_with(|| "5".into());
                     // Hundreds of passes over the rows.
@@ -271,8 +271,8 @@ impl List<'_> {
                 trials.push(of(format!("equations {what}"), "derivative", None));
                 // Fitted to smoothed rows, of every fold its own, and simulated against those that were measured.
                 let rows = smoothed_rows(self.effort);
-                if self.rows.noisy && (own_library || degree == 2) && self.rows.training <= rows {
-                    trials.push(self.smoothed(format!("equations {what}, smoothed states"), own_library, degree));
+                if self.rows.noisy && (has_library || degree == 2) && self.rows.training <= rows {
+                    trials.push(self.smoothed(format!("equations {what}, smoothed states"), has_library, degree));
                 }
                 if self.effort != Effort::Low && degree < 3 {
                     let over = |rows: u32| of(format!("equations {what}, over {rows} rows"), "derivative", Some(rows));
@@ -284,10 +284,10 @@ impl List<'_> {
     }
 
     /// Equations found in turn with the states, which are smoothed under them.
-    fn smoothed(&self, name: String, own_library: bool, degree: u32) -> Trial {
+    fn smoothed(&self, name: String, has_library: bool, degree: u32) -> Trial {
         self.trial(name, Kind::Sindy, |recipe| {
             recipe.model.predict = Some("derivative".into());
-            recipe.model.degree = (!own_library).then_some(degree);
+            recipe.model.degree = (!has_library).then_some(degree);
             recipe.sindy.folds.get_or_insert_with(|| "5".into());
             recipe.sindy.smooth_states.get_or_insert(SmoothStates::On);
         })
@@ -357,9 +357,14 @@ impl List<'_> {
         if !recipe.parameters.is_empty() {
             trials.push(self.trial("parameters of the recipe's equations", Kind::Parameters, |_| {}));
         }
-        let said = &recipe.model;
-        if said.predict.is_some() || said.degree.is_some() || said.lags.is_some() || said.partition.is_some() {
-            trials.push(self.trial("as the recipe says", Kind::Pwa, |trial_recipe| trial_recipe.model = said.clone()));
+        let section = &recipe.model;
+        if section.predict.is_some()
+            || section.degree.is_some()
+            || section.lags.is_some()
+            || section.partition.is_some()
+        {
+            trials
+                .push(self.trial("as the recipe says", Kind::Pwa, |trial_recipe| trial_recipe.model = section.clone()));
         }
         if recipe.pwa != PwaSection::default() && trials.is_empty() {
             trials.push(self.trial("as the recipe says", Kind::Pwa, |_| {}));
@@ -371,11 +376,7 @@ impl List<'_> {
 /// Sets the mean slope over so many rows as the derivative of every state without a derivative in the recipe.
 fn mean_slopes(recipe: &mut Recipe, over: Option<u32>) {
     let Some(rows) = over else { return };
-    for state in recipe
-        .states
-        .values_mut()
-        .filter(|listed_state| listed_state.derivative.is_none() && listed_state.known.is_none())
-    {
+    for state in recipe.states.values_mut().filter(|state| state.derivative.is_none() && state.known.is_none()) {
         state.derivative = Some(Derivative::over(rows));
     }
 }
@@ -407,7 +408,7 @@ mod tests {
     };
 
     #[test]
-    fn what_is_tried_follows_from_rows_and_effort() {
+    fn candidates_follow_from_rows_and_effort() {
         let all = names("[states]\nx = {}\n", ROWS);
         assert_eq!(all[..3], [MEAN, DRIFT, LINEAR]);
         for name in ["linear, 10 lags", "equations of degree 2", "regions kmeans:5", "autoregression"] {
@@ -415,14 +416,15 @@ mod tests {
         }
         assert_eq!(all.last().map(String::as_str), Some(NETWORK), "the dearest comes last");
         let low = names("[states]\nx = {}\n", Rows { effort: Effort::Low, ..ROWS });
-        assert!(!low.iter().any(|own| own == NETWORK));
+        assert!(!low.iter().any(|name| name == NETWORK));
         assert!(low.len() < all.len() / 2);
         // Without a clock there are no derivatives, with few rows no regions.
         let few = names("[states]\nx = {}\n", Rows { training: 50, clock: false, before: 4, ..ROWS });
         assert!(few.iter().all(|name| !name.contains("derivative") && !name.starts_with("regions")), "{few:?}");
         assert!(few.iter().all(|name| !name.contains("10 lags") && name != NETWORK), "{few:?}");
-        let smoothed =
-            |rows: Rows| names("[states]\nx = {}\n", rows).iter().filter(|own| own.contains("smoothed states")).count();
+        let smoothed = |rows: Rows| {
+            names("[states]\nx = {}\n", rows).iter().filter(|name| name.contains("smoothed states")).count()
+        };
         let noisy = Rows { noisy: true, training: 2_000, ..ROWS };
         assert_eq!([noisy, Rows { noisy: false, ..noisy }, Rows { training: 3_000, ..noisy }].map(smoothed), [1, 0, 0]);
         assert_eq!(smoothed(Rows { training: 3_000, effort: Effort::High, ..noisy }), 1);
@@ -434,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn longer_steps_are_tried_where_states_remember_long() {
+    fn slow_states_add_longer_steps() {
         let of = |horizon: usize, effort| steps(&Rows { rate: Some(100.0), horizon, effort, ..ROWS });
         assert_eq!(of(500, Effort::Normal), [(10, 10.0), (20, 5.0)]);
         assert_eq!((of(100, Effort::Low), of(29, Effort::Normal)), (vec![(2, 50.0)], Vec::new()));

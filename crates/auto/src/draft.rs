@@ -182,7 +182,7 @@ fn of_table(
                 }
                 draft.states.insert(name.clone(), State { kind, ..State::default() });
             }
-            // What is named as an input by hand makes the others states.
+            // Columns that are named as inputs by hand make the other columns states.
             Part::Input if recipe.inputs.is_empty() => {
                 draft.inputs.insert(name.clone(), Input::Table(InputTable::default()));
             }
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn names_and_motion_say_what_a_column_is() {
+    fn names_and_motion_decide_column_roles() {
         let wave = |row: f64| (0.02 * row).sin();
         assert_eq!(of("velocity", wave), Part::State { angle: false });
         for name in ["u", "u1", "cmd_vel_x_input", "motorVoltage", "steering", "m2"] {

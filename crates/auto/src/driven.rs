@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_that_nothing_drives_is_an_input_and_no_state_is() {
+    fn undriven_force_is_an_input() {
         assert_eq!(drivers_of(&spring(0.0)), [2]);
         assert_eq!(drivers_of(&spring(8.0)), [] as [usize; 0], "a controller's force follows from the speed");
         assert_eq!(drivers_of(&spring(0.0)[..2]), [] as [usize; 0], "position and speed drive each other");

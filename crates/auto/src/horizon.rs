@@ -109,7 +109,7 @@ mod tests {
 
     /// A first-order system under white noise forgets within its time constant.
     #[test]
-    fn the_horizon_is_the_time_in_which_a_state_forgets() {
+    fn horizon_is_the_memory_of_states() {
         let mut state = 1u64;
         let mut noise = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_input_is_moved_and_one_in_time_is_not() {
+    fn only_late_inputs_are_moved() {
         let held = |row: usize| (0.37 * (row / 7 * 7) as f64).sin() + (0.11 * row as f64).cos();
         // An angle is seen as its cosine and its sine.
         for state in ["{}", "{ kind = \"angle\" }"] {

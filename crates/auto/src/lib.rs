@@ -207,7 +207,7 @@ impl Search<'_> {
         let ranking = Ranking::new((&trials, &rows), logs, &horizon, progress);
         match ranking.stopped {
             true if ranking.candidates.is_empty() => Err(Cancelled.into()),
-            // What is done is tested and kept, whether the user waits or not.
+            // Finished candidates are tested and kept, whether the user waits or not.
             true => unstoppable(|| self.chosen(ranking, horizon, &Silent)),
             false => self.chosen(ranking, horizon, progress),
         }
@@ -421,7 +421,7 @@ mod tests {
             if row % 20 == 0 {
                 u = 5.0 * draw(row);
             }
-            let noise = [1, 2].map(|own| 1e-4 * draw(10 * row + 100_000 + own));
+            let noise = [1, 2].map(|column| 1e-4 * draw(10 * row + 100_000 + column));
             text += &format!("{:.2},{:.6},{:.6},{u:.6}\n", 0.02 * row as f64, x + noise[0], v + noise[1]);
             for _ in 0..20 {
                 let pull = u - 4.0 * x - stiff * (8.0 * x).tanh() - 0.6 * v;
@@ -442,20 +442,22 @@ mod tests {
         let mut search = Search { recipe: &recipe, logs: &logs, notes: Vec::new(), checked };
         let Looked { horizon, rows, .. } = search.look(&Silent).unwrap();
         let mut trials = candidates::candidates(&recipe, &[], &rows);
-        trials.retain(|own| [MEAN, LINEAR, "linear, 2 lags", NETWORK].contains(&own.name.as_str()));
+        trials.retain(|trial| [MEAN, LINEAR, "linear, 2 lags", NETWORK].contains(&trial.name.as_str()));
         Ranking::new((&trials, &rows), &logs, &horizon, &Silent)
     }
 
     #[test]
-    fn a_network_is_chosen_where_its_simulations_are_better_and_not_on_a_linear_log() {
-        let found = ranked(4.0);
-        let names: Vec<_> = found.candidates.iter().map(|own| (&own.name, own.error, &own.reason)).collect();
-        let chosen = &found.candidates[found.chosen().unwrap()];
+    fn network_is_chosen_only_for_nonlinear_logs() {
+        let ranking = ranked(4.0);
+        let names: Vec<_> =
+            ranking.candidates.iter().map(|candidate| (&candidate.name, candidate.error, &candidate.reason)).collect();
+        let chosen = &ranking.candidates[ranking.chosen().unwrap()];
         assert!(chosen.name == NETWORK && chosen.method == "fit network", "{names:?}");
         // Hidden layers count: a network is never the small model.
         assert!(chosen.coefficients > 40, "{chosen:?}");
-        let found = ranked(0.0);
-        let names: Vec<_> = found.candidates.iter().map(|own| (&own.name, own.error, &own.reason)).collect();
-        assert!(found.candidates[found.chosen().unwrap()].name.starts_with(LINEAR), "{names:?}");
+        let ranking = ranked(0.0);
+        let names: Vec<_> =
+            ranking.candidates.iter().map(|candidate| (&candidate.name, candidate.error, &candidate.reason)).collect();
+        assert!(ranking.candidates[ranking.chosen().unwrap()].name.starts_with(LINEAR), "{names:?}");
     }
 }

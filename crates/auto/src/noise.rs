@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn noise_on_a_slow_curve_is_most_of_its_differences() {
+    fn noise_dominates_differences_of_slow_curves() {
         let mut seed = 3u64;
         let mut random = || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

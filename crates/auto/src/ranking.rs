@@ -28,9 +28,9 @@ pub struct Candidate {
     pub coefficients: usize,
     /// Error of its simulations over that of persistence, of every fold; infinite where a simulation diverged.
     pub folds: Vec<f64>,
-    /// Mean over the folds.
+    /// Geometric mean over the folds.
     pub error: Option<f64>,
-    /// Standard error of the mean.
+    /// Its standard error.
     pub standard_error: Option<f64>,
     /// Simulations that ended early, and how many there were.
     pub ended: [usize; 2],
@@ -109,9 +109,10 @@ impl Ranking {
         ranking
     }
 
-    /// The least error so far.
+    /// The least error so far, as errors on training rows are counted: the mean over the folds.
     fn least(&self) -> Option<f64> {
-        self.candidates.iter().filter_map(|candidate| candidate.error).min_by(f64::total_cmp)
+        let usable = self.candidates.iter().filter(|candidate| candidate.error.is_some());
+        usable.map(|candidate| sample_mean(&candidate.folds).0).min_by(f64::total_cmp)
     }
 
     /// The error on its training rows beyond which a candidate is given up; `None` for those that others are compared with.
@@ -187,15 +188,28 @@ const GIVEN_UP: f64 = 2.0;
 /// Errors that differ by less are alike, however sure the difference is: a person reads the smaller model.
 const ALIKE: f64 = 1.05;
 
-/// Returns true if errors are lower than others, fold by fold, by more than one standard error of the difference.
+/// Returns true if errors are lower than others, fold by fold, by more than one standard error of the difference of
+/// their logarithms.
 fn is_better(folds: &[f64], others: &[f64]) -> bool {
-    let differences: Vec<f64> = others.iter().zip(folds).map(|(other, fold)| other - fold).collect();
-    let (mean, spread) = mean_and_error(&differences);
+    let ratios: Vec<f64> = others.iter().zip(folds).map(|(other, fold)| logarithm(*other) - logarithm(*fold)).collect();
+    let (mean, spread) = sample_mean(&ratios);
     mean > 0.0 && (mean > spread || !spread.is_finite())
 }
 
+/// Geometric mean of ratios and its standard error; NaN of none, and of one. A fold whose rows hardly move, or lie
+/// outside of what the others saw, has a ratio many times that of the others, and counts as one fold.
+fn mean_and_error(ratios: &[f64]) -> (f64, f64) {
+    let (mean, spread) = sample_mean(&ratios.iter().copied().map(logarithm).collect::<Vec<_>>());
+    (mean.exp(), mean.exp() * spread)
+}
+
+/// Logarithm of a ratio; ratios of rounding errors are alike.
+fn logarithm(ratio: f64) -> f64 {
+    ratio.max(1e-12).ln()
+}
+
 /// Mean and its standard error; NaN of none, and of one.
-fn mean_and_error(values: &[f64]) -> (f64, f64) {
+fn sample_mean(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
@@ -223,7 +237,7 @@ fn coefficients(model: &Model) -> usize {
         }
     }
     let hidden = networks.iter().map(|basis| match basis {
-        Basis::Network(own) => own.numbers(),
+        Basis::Network(network) => network.numbers(),
         Basis::Gaussian(_) => 0,
     });
     model.latents.iter().map(|latent| latent.map.parameters()).sum::<usize>() + hidden.sum::<usize>()
@@ -295,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_model_within_one_standard_error_is_taken() {
+    fn smallest_model_within_one_error_is_chosen() {
         let ranking = |candidates: Vec<Candidate>| Ranking { candidates, tried: Vec::new(), stopped: false };
         let ranked = ranking(vec![
             candidate(MEAN, 1, &[0.9, 0.8, 1.0]),

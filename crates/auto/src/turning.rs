@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_angle_beyond_one_turn_is_tried_as_one() {
+    fn wide_angle_is_tried_as_angle() {
         let mut source = MemorySource::new(["theta", "theta_2", "x"].map(Column::float).to_vec());
         let ramp = |most: f64| (0..100).map(|row| most * f64::from(row) / 99.0).collect::<Vec<f64>>();
         source.push_uniform("a", 0.01, vec![ramp(9.0), ramp(1.0), ramp(9.0)]);

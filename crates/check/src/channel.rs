@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn each_fault_of_a_channel_has_its_name() {
+    fn channel_faults_are_named() {
         let channel = |name: &str| Channel { column: Column::float(name), place: 0, part: Part::State, angle: false };
         let wave = |row: usize| (0.013 * row as f64).sin() + 0.3 * (0.171 * row as f64).sin();
         let faults = |of: &dyn Fn(usize) -> f64| -> Vec<Fault> {

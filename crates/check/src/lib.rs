@@ -116,8 +116,8 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
 
 /// A draft of the recipe for robots' logs, where none is given; tables have all their columns.
 fn drafted(recipe: &Recipe, infos: &[FileInfo], notes: &mut Vec<String>) -> Option<Recipe> {
-    let said = !recipe.states.is_empty() || !recipe.inputs.is_empty() || !recipe.columns.is_empty();
-    let draft = draft_of_topics(recipe, infos.first().filter(|_| !said)?)?;
+    let has_columns = !recipe.states.is_empty() || !recipe.inputs.is_empty() || !recipe.columns.is_empty();
+    let draft = draft_of_topics(recipe, infos.first().filter(|_| !has_columns)?)?;
     notes.push(format!("states and inputs are those that {INIT} proposes; a recipe (-c) chooses others"));
     Some(draft)
 }

@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn delays_units_and_signs_are_found_and_sound_logs_pass() {
+    fn delays_units_and_signs_are_detected() {
         let names = ["yaw", "yaw_rate"];
         assert_eq!(faults(names, |row| moving(row as f64)), []);
         let late = faults(names, |row| [moving(row as f64)[0], moving(row as f64 - 2.0)[1]]);

@@ -131,9 +131,9 @@ pub fn correlations(
             let block = view.read(episode, first..(first + BLOCK).min(info.rows), Halo::default())?;
             rows += block.rows as u64;
             let values: Vec<&[f64]> = places.iter().map(|&place| block.core(place)).collect();
-            for (origin, own) in origins.iter_mut().zip(&values) {
+            for (origin, column) in origins.iter_mut().zip(&values) {
                 if origin.is_nan() {
-                    *origin = own.iter().copied().find(|value| value.is_finite()).unwrap_or(f64::NAN);
+                    *origin = column.iter().copied().find(|value| value.is_finite()).unwrap_or(f64::NAN);
                 }
             }
             let of_row = |i: usize| {
@@ -145,7 +145,7 @@ pub fn correlations(
                 Ok::<_, Error>(sums)
             };
             let sums = parallel_map(count, progress, of_row)?;
-            pairs.iter_mut().zip(sums.iter().flatten()).for_each(|(own, other)| own.merge(other));
+            pairs.iter_mut().zip(sums.iter().flatten()).for_each(|(pair, other)| pair.merge(other));
         }
     }
     let value = |i: usize, j: usize| pairs[i.min(j) * count + i.max(j)].correlation();
@@ -189,7 +189,7 @@ pub fn lag_curve(
     for (episode, info) in view.episodes().iter().enumerate() {
         let block = view.read(episode, 0..info.rows, Halo::default())?;
         let [a, b] = places.map(|place| block.core(place));
-        let first = |own: &[f64]| own.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
+        let first = |column: &[f64]| column.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
         let [from, to] = *origins.get_or_insert([first(a), first(b)]);
         let of_shift = |at: usize| {
             // Rows by which the response is later.
@@ -203,10 +203,10 @@ pub fn lag_curve(
             }
             Ok::<_, Error>((both, differences))
         };
-        let found = parallel_map(shifts, progress, of_shift)?;
-        for (own, other) in sums.iter_mut().zip(&found) {
-            own.0.merge(&other.0);
-            own.1.merge(&other.1);
+        let episode_sums = parallel_map(shifts, progress, of_shift)?;
+        for (sum, other) in sums.iter_mut().zip(&episode_sums) {
+            sum.0.merge(&other.0);
+            sum.1.merge(&other.1);
         }
     }
     let period = dataset.step();
@@ -229,14 +229,14 @@ pub fn lag_curve(
         .collect();
     // The shift of least size among equal ones.
     let best = |value: &dyn Fn(&Shift) -> f64| {
-        let known = shifts.iter().filter(|own| value(own).is_finite());
+        let known = shifts.iter().filter(|shift| value(shift).is_finite());
         known
             .min_by(|a, b| value(a).total_cmp(&value(b)).then(a.rows.abs().cmp(&b.rows.abs())))
-            .map_or(0, |own| own.rows)
+            .map_or(0, |shift| shift.rows)
     };
-    let (closest, alike) = (best(&|own| own.difference), best(&|own| -own.correlation.abs()));
+    let (closest, alike) = (best(&|shift| shift.difference), best(&|shift| -shift.correlation.abs()));
     let mut notes = dataset.notes().to_vec();
-    if [closest, alike].iter().any(|own| own.unsigned_abs() as usize == reach) {
+    if [closest, alike].iter().any(|shift| shift.unsigned_abs() as usize == reach) {
         notes.push(format!(
             "the best shift is the largest one, {reach} rows: the lag may be longer; compare larger shifts"
         ));

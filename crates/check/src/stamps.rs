@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn each_kind_of_bad_stamps_has_its_name() {
+    fn kinds_of_bad_stamps_are_named() {
         let even: Vec<i64> = (0..1000).map(|row| row * 10_000_000).collect();
         assert_eq!(faults(&even), []);
         let dropped: Vec<i64> =

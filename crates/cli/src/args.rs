@@ -7,17 +7,19 @@ mod examples;
 mod export;
 mod filter;
 mod frequency;
+mod generate;
 mod narx;
 mod parameters;
 mod prepare;
 mod report;
 mod resimulate;
+mod rollout;
 mod sindy;
 mod sparse;
 mod statistic;
 mod tools;
 
-use std::{path::PathBuf, sync::Arc};
+use std::path::PathBuf;
 
 pub(crate) use auto::Auto;
 pub(crate) use check::Check;
@@ -25,13 +27,15 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 pub(crate) use filter::Filter;
-use fleetfoot::{Error, Lags, NetworkSection, PwaSection, dynamics::controller::Controller, whole};
+use fleetfoot::{Lags, NetworkSection, PwaSection, whole};
 pub(crate) use frequency::Frequency;
+pub(crate) use generate::{Generate, LogFormat, Speed};
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
 pub(crate) use report::Report;
 pub(crate) use resimulate::Resimulate;
+pub(crate) use rollout::{ControllerArgs, Method, OutsideArg, PathArgs, Rollout};
 pub(crate) use sindy::{EquationArgs, FitSindy};
 pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
@@ -59,6 +63,9 @@ pub(crate) struct Cli {
     /// Print results and errors only, without progress and notes.
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
+    /// Explain the columns of the printed tables.
+    #[arg(long, global = true)]
+    pub(crate) explain: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -432,109 +439,6 @@ pub(crate) struct Predict {
     pub(crate) output: PathBuf,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Method {
-    /// Forward Euler, as in the paper.
-    Euler,
-    /// Classical fourth-order Runge-Kutta.
-    Rk4,
-}
-
-/// Scores of simulated paths.
-#[derive(Debug, Args)]
-pub(crate) struct PathArgs {
-    /// States whose path is compared with the recorded one, separated by commas and of one unit: `x,y`; distance,
-    /// direction, relative growth of the distance, time warping (default: none).
-    #[arg(long, value_name = "STATES")]
-    pub(crate) position: Option<List>,
-    /// A state that follows a column or expression at once, as a baseline, or a rate that does: `vx=vx_ref`,
-    /// `d(x)/dt=vx_ref`; may be repeated (default: no such baseline).
-    #[arg(long, value_name = "STATE=EXPRESSION")]
-    pub(crate) reference: Vec<String>,
-    /// Steps over which the relative growth of the distance is taken.
-    #[arg(long, value_name = "STEPS", default_value_t = 1, requires = "position", value_parser = whole::<usize>(1..=10_000_000))]
-    pub(crate) interval: usize,
-    /// Steps by which time warping may shift a point (default: a tenth of the horizon).
-    #[arg(long, value_name = "STEPS", requires = "position", value_parser = whole::<usize>(0..=10_000_000))]
-    pub(crate) band: Option<usize>,
-}
-
-impl PathArgs {
-    pub(crate) fn options(&self) -> fleetfoot::dynamics::PathOptions {
-        fleetfoot::dynamics::PathOptions {
-            position: self.position.iter().flat_map(|list| list.0.iter().cloned()).collect(),
-            references: self.reference.clone(),
-            interval: Some(self.interval),
-            band: self.band,
-        }
-    }
-}
-
-/// Source of the inputs of simulations.
-#[derive(Debug, Args)]
-pub(crate) struct ControllerArgs {
-    /// Controller that computes the inputs from the simulated states: a file of `control lqr`, treadmill, or a TOML
-    /// file with `kind = "treadmill"` and settings (default: inputs as recorded).
-    #[arg(long, value_name = "KIND|FILE")]
-    pub(crate) controller: Option<String>,
-    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and
-    /// column names: x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
-    #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
-    pub(crate) controller_set: Vec<List>,
-}
-
-impl ControllerArgs {
-    /// The controller's argument as a path.
-    pub(crate) fn file(&self) -> Option<PathBuf> {
-        self.controller.as_ref().map(PathBuf::from)
-    }
-
-    /// The controller, if one is given.
-    pub(crate) fn read(&self) -> Result<Option<Arc<dyn Controller>>, Error> {
-        let settings: Vec<String> = self.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
-        self.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()
-    }
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Rollout {
-    #[command(flatten)]
-    pub(crate) model: ModelData,
-    /// Steps of every trajectory.
-    #[arg(long, value_name = "STEPS", default_value_t = 200, value_parser = whole::<usize>(0..=10_000_000))]
-    pub(crate) horizon: usize,
-    /// Number of trajectories.
-    #[arg(long, value_name = "N", default_value = "1000")]
-    pub(crate) starts: std::num::NonZeroUsize,
-    /// Integration of derivatives.
-    #[arg(long, value_enum, default_value = "rk4")]
-    pub(crate) method: Method,
-    /// Rule for a trajectory with a regressor outside the training range of its region.
-    #[arg(long, value_enum, default_value = "tell")]
-    pub(crate) outside: OutsideArg,
-    #[command(flatten)]
-    pub(crate) paths: PathArgs,
-    /// Seed of random starts (default: starts are evenly spread).
-    #[arg(long, value_name = "SEED")]
-    pub(crate) seed: Option<u64>,
-    #[command(flatten)]
-    pub(crate) controller: ControllerArgs,
-    /// File for the trajectories, each state beside its measurement: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or
-    /// messages for viewers (`*.mcap`, with layouts for Foxglove and PlotJuggler) (default: none).
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) output: Option<PathBuf>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum OutsideArg {
-    /// Count it and continue.
-    Tell,
-    /// End it there.
-    End,
-    /// Continue with the regressor held at the limit of the range.
-    Hold,
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct Show {
     /// Model, or controller of `control lqr`.
@@ -550,94 +454,6 @@ pub(crate) struct Show {
     /// Comparison of all pairs of regions, instead of neighbours only, where the model holds them.
     #[arg(long, requires = "transitions")]
     pub(crate) all_pairs: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LogFormat {
-    /// Sensor readings as ROS 2 messages, and the truth.
-    Mcap,
-    /// Rows of truth.
-    Parquet,
-}
-
-/// Speeds of the first and the last run: `A:B`, or one number for all.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Speed(pub(crate) f64, pub(crate) f64);
-
-impl std::str::FromStr for Speed {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (first, last) = text.split_once(':').unwrap_or((text, text));
-        match (first.trim().parse::<f64>(), last.trim().parse::<f64>()) {
-            (Ok(first), Ok(last)) if first.is_finite() && last.is_finite() => Ok(Self(first, last)),
-            _ => Err("write a number, or two as 0.1:0.5".to_owned()),
-        }
-    }
-}
-
-/// A number above zero.
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("write a number above 0".to_owned()),
-    }
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Generate {
-    /// Robot to simulate.
-    #[arg(value_name = "ROBOT", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::generate::robots()))]
-    pub(crate) robot: String,
-    /// Folder of the logs, which must hold no other recordings (no default).
-    #[arg(short, long, value_name = "DIR", required_unless_present = "print_world")]
-    pub(crate) output: Option<PathBuf>,
-    /// Simulated minutes of all runs together, shared evenly (default: --seconds of each).
-    #[arg(long, value_name = "MINUTES", value_parser = positive, conflicts_with = "seconds")]
-    pub(crate) minutes: Option<f64>,
-    /// Simulated seconds of each run, unless it ends earlier (default: depends on the robot).
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
-    pub(crate) seconds: Option<f64>,
-    /// Number of runs; each is a file.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-    pub(crate) runs: u64,
-    /// Number of the first run: run 7 is the same whether it is made with the others or alone.
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u64).range(..1_000_000_000))]
-    pub(crate) first_run: u64,
-    /// Speed, m/s; with two (A:B) runs are spread evenly from A to B (default: depends on the robot).
-    #[arg(long, value_name = "A:B", allow_hyphen_values = true)]
-    pub(crate) speed: Option<Speed>,
-    /// Seed of all random numbers.
-    #[arg(long, default_value_t = 1)]
-    pub(crate) seed: u64,
-    /// Format of the logs (default: mcap; parquet for robots without messages).
-    #[arg(long, value_enum)]
-    pub(crate) format: Option<LogFormat>,
-    /// TOML file of physical parameters, where missing entries have their defaults; or a generated log, for the world
-    /// that it was made in (default: the robot's own world).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) world: Option<PathBuf>,
-    /// Physical parameter to set: its path in the world file and a value; may be repeated.
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub(crate) set: Vec<String>,
-    /// Excitation of the robot, over ranges that suit it (default: the world's).
-    #[arg(long, value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::sim::Excitation::KINDS))]
-    pub(crate) excitation: Option<String>,
-    /// Controller of `control lqr` that commands the robot (default: the robot's own controller).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) controller: Option<PathBuf>,
-    /// Print all physical parameters with their units as a world file, and stop.
-    #[arg(long)]
-    pub(crate) print_world: bool,
-    /// Logs without the truth, as a real robot writes them.
-    #[arg(long)]
-    pub(crate) no_truth: bool,
-    /// Replace the runs and the recipe of an earlier command in the folder.
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print the files that would be written, then stop.
-    #[arg(long)]
-    pub(crate) dry_run: bool,
 }
 
 #[cfg(test)]

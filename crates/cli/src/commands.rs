@@ -45,6 +45,8 @@ use crate::progress::Bar;
 pub(crate) struct Context {
     pub(crate) json: bool,
     pub(crate) quiet: bool,
+    /// True to explain the headings of tables.
+    pub(crate) explain: bool,
 }
 
 impl Context {
@@ -112,7 +114,9 @@ impl Context {
         if self.json {
             write_out(&format!("{:#}\n", tree(report)));
         } else {
-            write_out(&format!("{}\n", text().trim_end()));
+            let text = text();
+            let legend = if self.explain { crate::legend::legend() } else { String::new() };
+            write_out(&format!("{}{legend}\n", text.trim_end()));
         }
     }
 }

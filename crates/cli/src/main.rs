@@ -7,6 +7,7 @@ mod commands;
 mod curve;
 mod heatmap;
 mod help;
+mod legend;
 mod progress;
 #[cfg(test)]
 mod reference;
@@ -43,7 +44,7 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     }
     signals::stop_on_signals();
-    let context = Context { json: cli.json, quiet: cli.quiet };
+    let context = Context { json: cli.json, quiet: cli.quiet, explain: cli.explain };
     let work = || match &cli.command {
         Command::Demo(arguments) => commands::demo::demo(arguments, &context),
         Command::Info(arguments) => commands::info::info(arguments, &context),

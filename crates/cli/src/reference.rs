@@ -1,6 +1,11 @@
 //! The page of all commands, `docs/reference/cli.md`: made from the arguments, and held against them.
 
-use std::{fmt::Write, fs, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    fmt::Write,
+    fs,
+    path::Path,
+};
 
 use clap::{Arg, Command, CommandFactory};
 
@@ -17,35 +22,61 @@ Results go to standard output, progress and notes to standard error. The exit co
 fit), 2 (error in the arguments) or 130 (stopped). The [glossary](glossary.md) explains the terms.
 ";
 
+/// Commands that share an option from which on it stands once, above them.
+const SHARED: usize = 4;
+
+/// Options by the text of their item, with the number of commands that have them.
+type Counts = HashMap<String, usize>;
+
 /// The page.
 fn page() -> String {
     let mut command = help::grouped(Cli::command()).disable_help_subcommand(true);
     command.build();
+    let mut counts = Counts::new();
+    for leaf in leaves(&command) {
+        for option in of_command(leaf).filter(|option| !option.is_positional()) {
+            *counts.entry(item(option)).or_default() += 1;
+        }
+    }
     let mut text = format!("{HEAD}\n## Every command\n\n");
-    let of_all = |argument: &&Arg| argument.is_global_set();
-    listed(&mut text, command.get_arguments().filter(of_all));
-    sections(&mut text, &command);
+    listed(&mut text, command.get_arguments().filter(|argument| argument.is_global_set()), &Counts::new());
+    text.push_str("\n## Options of several commands\n\nThe commands below name them, without their text.\n\n");
+    let mut seen = HashSet::new();
+    let first = leaves(&command).into_iter().flat_map(of_command).filter(|option| {
+        let item = item(option);
+        counts.get(&item).is_some_and(|count| *count >= SHARED) && seen.insert(item)
+    });
+    let mut shared: Vec<&Arg> = first.collect();
+    shared.sort_by_key(|option| help::group(option));
+    listed(&mut text, shared.into_iter(), &Counts::new());
+    for leaf in leaves(&command) {
+        section(&mut text, leaf, &counts);
+    }
     text
 }
 
-/// The sections of the commands below one, those of their own commands behind each.
-fn sections(text: &mut String, command: &Command) {
-    for subcommand in command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set()) {
-        if subcommand.has_subcommands() {
-            sections(text, subcommand);
-        } else {
-            section(text, subcommand);
-        }
-    }
+/// The commands without subcommands, in their order.
+fn leaves(command: &Command) -> Vec<&Command> {
+    let visible = command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set());
+    visible.flat_map(|sub| if sub.has_subcommands() { leaves(sub) } else { vec![sub] }).collect()
 }
 
-fn section(text: &mut String, command: &Command) {
+/// The options and arguments of one command that are shown.
+fn of_command(command: &Command) -> impl Iterator<Item = &Arg> {
+    command.get_arguments().filter(|argument| !argument.is_global_set() && is_shown(argument))
+}
+
+fn is_shown(argument: &Arg) -> bool {
+    !argument.is_hide_set() && !["help", "version"].contains(&argument.get_id().as_str())
+}
+
+fn section(text: &mut String, command: &Command, counts: &Counts) {
     let name = command.get_display_name().unwrap_or(command.get_name()).replace('-', " ");
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let usage = command.clone().render_usage().to_string();
     let usage = usage.strip_prefix("Usage: ").unwrap_or(&usage);
     let _ = write!(text, "\n## {name}\n\n{about}.\n\n```text\n{usage}\n```\n\n", about = about.trim_end_matches('.'));
-    listed(text, command.get_arguments().filter(|argument| !argument.is_global_set()));
+    listed(text, of_command(command), counts);
     if let Some(examples) = command.get_after_help() {
         let lines: Vec<String> =
             examples.to_string().lines().filter_map(|line| line.strip_prefix("  ")).map(str::to_owned).collect();
@@ -53,25 +84,37 @@ fn section(text: &mut String, command: &Command) {
     }
 }
 
-/// An item an argument, below the headings of their groups: name, meaning, possible values, default.
-fn listed<'a>(text: &mut String, arguments: impl Iterator<Item = &'a Arg>) {
-    let mut heading = None;
-    for argument in
-        arguments.filter(|option| !option.is_hide_set() && !["help", "version"].contains(&option.get_id().as_str()))
-    {
-        let group = help::heading(argument);
-        if let Some(group) = group.filter(|_| group != heading) {
+/// An item an argument, below the headings of their groups; those that several commands share by their names alone.
+fn listed<'a>(text: &mut String, arguments: impl Iterator<Item = &'a Arg>, counts: &Counts) {
+    let arguments: Vec<&Arg> = arguments.filter(|argument| is_shown(argument)).collect();
+    for group in arguments.chunk_by(|a, b| help::heading(a) == help::heading(b)) {
+        if let Some(heading) = help::heading(group[0]) {
             let above = if text.ends_with("\n\n") { "" } else { "\n" };
-            let _ = write!(text, "{above}**{group}**\n\n");
+            let _ = write!(text, "{above}**{heading}**\n\n");
         }
-        heading = group;
-        let help = argument.get_long_help().or(argument.get_help()).map(ToString::to_string).unwrap_or_default();
-        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-        let help = help.trim_end_matches('.');
-        let stop = if help.ends_with(".)") { "" } else { "." };
-        let item = format!("- `{}`: {help}{stop}{}", written(argument), values(argument));
-        let _ = writeln!(text, "{}", wrapped(&item));
+        let (shared, others): (Vec<&Arg>, Vec<&Arg>) =
+            group.iter().partition(|option| counts.get(&item(option)).is_some_and(|count| *count >= SHARED));
+        for option in others {
+            let _ = writeln!(text, "{}", wrapped(&item(option)));
+        }
+        if !shared.is_empty() {
+            let names: Vec<String> = shared.iter().map(|option| format!("`{}`", written(option))).collect();
+            let _ = writeln!(
+                text,
+                "{}",
+                wrapped(&format!("- [As above](#options-of-several-commands): {}.", names.join(", ")))
+            );
+        }
     }
+}
+
+/// The item of an argument: name, meaning, possible values, default.
+fn item(argument: &Arg) -> String {
+    let help = argument.get_long_help().or(argument.get_help()).map(ToString::to_string).unwrap_or_default();
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let help = help.trim_end_matches('.');
+    let stop = if help.ends_with(".)") { "" } else { "." };
+    format!("- `{}`: {help}{stop}{}", written(argument), values(argument))
 }
 
 /// Characters of a line at most.
@@ -113,7 +156,7 @@ fn written(argument: &Arg) -> String {
     let short = argument.get_short().map_or_else(String::new, |short| format!("-{short}, "));
     let long = argument.get_long().map_or_else(String::new, |long| format!("--{long}"));
     let value = match argument.get_action().takes_values() {
-        // What may stand without a value takes it behind `=` alone: a word behind a space would be the next argument.
+        // Options with an optional value take it behind `=` alone: a word behind a space would be the next argument.
         true if argument.is_require_equals_set() => format!("[={}]", value()),
         true => format!(" {}", value()),
         false => String::new(),
@@ -143,7 +186,7 @@ fn values(argument: &Arg) -> String {
 }
 
 #[test]
-fn the_page_of_all_commands_tells_what_they_accept() {
+fn reference_page_lists_accepted_values() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/cli.md");
     let page = page();
     if std::env::var("FLEETFOOT_DOCS").is_ok_and(|word| word == "overwrite") {

@@ -28,7 +28,7 @@ pub(crate) fn stop_on_signals() {
         iterator::Signals,
     };
     let wanted = [Some(SIGINT), Some(SIGTERM), Some(SIGHUP).filter(|&signal| !is_ignored(signal))];
-    // Where no handler can be set, signals end the process as usual.
+    // Without a handler, signals end the process as usual.
     let Ok(mut signals) = Signals::new(wanted.into_iter().flatten()) else { return };
     let wait = move || {
         let mut first: Option<Instant> = None;

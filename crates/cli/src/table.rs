@@ -11,6 +11,7 @@ pub(crate) fn text_table(content: &fleetfoot::TextTable) -> String {
 
 /// A table without lines: the first column to the left, the others to the right.
 pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>) -> String {
+    crate::legend::headings(header);
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_header(header.iter().copied());

@@ -111,7 +111,7 @@ impl Plan<'_> {
                 let x = Real::at("x", i());
                 let value = match self.states[run.start].advance {
                     Advance::Equation(Prediction::Derivative) => x.plus(offset().times(Real::at(before, i()))),
-                    // What advances once a step is held within it.
+                    // Values that advance once a step are held within it.
                     _ => x,
                 };
                 body.push(range("i", run, vec![Statement::set("z", i(), value)]));

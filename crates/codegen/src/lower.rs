@@ -279,7 +279,7 @@ impl Lowering<'_> {
         if !goes_on {
             return vec![Statement::each("j", functions, vec![Statement::If(outside, left, Vec::new())])];
         }
-        // What is left of a function beside the border of its range; the function itself is held there.
+        // Remainder of a function beside the border of its range; the function itself is held there.
         let excess = excess_name(index);
         let hold = |border: Real| {
             vec![

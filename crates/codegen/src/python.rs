@@ -219,7 +219,7 @@ fn method(assembled: &Assembled<'_>, public: &Public<'_>, out: &mut String) {
         }
     }
     *out += &format!("        try:\n            code = _{}({})\n", public.inner.name, arguments.join(", "));
-    // Where C has a NaN or an infinity, Python raises.
+    // Python raises an error in cases in which C returns a NaN or an infinity.
     *out += "        except (ArithmeticError, ValueError):\n            code = NOT_FINITE\n";
     *out += &format!("        return code, {}\n\n", results.join(", "));
     debug_assert!(!assembled.code.functions.is_empty());

@@ -276,7 +276,7 @@ impl Rust {
     }
 
     /// Arguments with which the methods of the model call an inner function.
-    fn own_arguments(function: &Function, next: &str) -> String {
+    fn inner_arguments(function: &Function, next: &str) -> String {
         let arguments: Vec<String> = function
             .parameters
             .iter()
@@ -294,7 +294,7 @@ impl Rust {
     fn remember(&self, assembled: &Assembled<'_>) -> String {
         let mut text = String::new();
         if let Some(remember) = assembled.code.functions.iter().find(|function| function.name == "remember") {
-            text += &format!("        remember_inner({});\n", Self::own_arguments(remember, ""));
+            text += &format!("        remember_inner({});\n", Self::inner_arguments(remember, ""));
         }
         if assembled.plan.time {
             let step = assembled.step.map_or_else(|| "dt".to_owned(), |step| self.number(step));
@@ -315,7 +315,7 @@ impl Rust {
         let given = self.given(assembled, assembled.plan.next_inputs, assembled.free_step());
         *out += &format!("    pub fn step(&mut self{given}) -> i32 {{\n");
         *out += &format!("        let mut n = [0.0; {}];\n", assembled.plan.states.len());
-        *out += &format!("        let code = next_inner({});\n", Self::own_arguments(next, "&mut n"));
+        *out += &format!("        let code = next_inner({});\n", Self::inner_arguments(next, "&mut n"));
         *out += "        if failed(code) {\n            return code;\n        }\n";
         *out += &self.remember(assembled);
         *out += "        self.x = n;\n        code\n    }\n\n";

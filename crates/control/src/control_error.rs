@@ -21,7 +21,7 @@ pub enum ControlError {
     Value {
         /// The setting.
         of: &'static str,
-        /// Whose number it is.
+        /// Name of the signal that has the number.
         name: String,
         /// The number.
         value: f64,

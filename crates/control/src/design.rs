@@ -22,11 +22,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod asked;
 mod coordinates;
 mod gains;
 mod lqr;
 mod options;
+mod requested;
 mod setpoint;
 
 pub use lqr::{Lqr, LqrRegion, SetPoint, lqr};

@@ -29,7 +29,7 @@ pub enum FilterError {
         "the model has no residuals of d({state})/dt or next({state}), which give the process noise: fit it with {FIT_PWA}"
     )]
     NoResiduals {
-        /// Whose equation it is.
+        /// Name of the state of the equation.
         state: String,
     },
 }

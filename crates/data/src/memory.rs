@@ -114,8 +114,8 @@ mod tests {
         let episode = &source.episodes()[1];
         assert!(episode.check(&(0..3)).is_ok() && episode.check(&(3..3)).is_ok());
         let backwards = Range { start: 2, end: 1 };
-        let said = episode.check(&backwards).unwrap_err().to_string();
-        assert_eq!(said, format!("rows 2..1 of episode {}, which has 3 rows", episode.name));
+        let message = episode.check(&backwards).unwrap_err().to_string();
+        assert_eq!(message, format!("rows 2..1 of episode {}, which has 3 rows", episode.name));
     }
 
     #[test]

@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn close_names_come_first_and_far_ones_not_at_all() {
+    fn only_close_names_are_suggested() {
         let columns = ["vx", "vy", "Yaw", "motor_current", "/odom.twist.linear.x"];
         assert_eq!(nearest("yaw", columns), ["Yaw"]);
         assert_eq!(nearest("motor_curent", columns), ["motor_current"]);

@@ -17,7 +17,7 @@ mod tests {
 
     /// The first outputs of SplitMix64 from the states 0 and 1234567, as its published reference gives them.
     #[test]
-    fn it_is_splitmix64() {
+    fn mix_matches_splitmix64() {
         assert_eq!(mix(0), 0xe220_a839_7b1d_cdaf);
         assert_eq!(mix(1_234_567), 6_457_827_717_110_365_317);
     }

@@ -70,7 +70,7 @@ impl Watch {
 
     /// Searches the rows of a block of an episode.
     fn look(&self, episode: usize, block: &Block) {
-        // What the first value of a window has become when the last one is added.
+        // Factor of the first value of a window after the last value is added.
         let oldest = (0..VALUES).fold(1_u64, |power, _| power.wrapping_mul(FACTOR));
         let mut rows = Vec::new();
         for &(field, name) in &self.fields {
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_a_log_and_logs_that_hold_it_are_recognised_and_others_are_not() {
+    fn overlapping_logs_are_recognised() {
         let whole = log("whole", 0..4000, noise);
         let known = known(&whole);
         assert_eq!(whole.episodes()[0].marks.iter().map(|mark| &*mark.field).collect::<BTreeSet<_>>(), ["x"].into());

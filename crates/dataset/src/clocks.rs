@@ -10,8 +10,8 @@ use fleetfoot_signal::{
     Alignment, ClockLine, EdgeAlignment, Record, SignalError, WaveOptions, Within, align, align_edges, dejitter,
 };
 
-pub use crate::found_clocks::{AlignedClock, LagOfPart};
-use crate::{dataset::Dataset, error::Error, found_clocks::Clocks, logs::Logs};
+pub use crate::estimated_clocks::{AlignedClock, LagOfPart};
+use crate::{dataset::Dataset, error::Error, estimated_clocks::Clocks, logs::Logs};
 
 /// Seconds that clocks may be apart beyond what log times tell of them.
 const REACH: f64 = 1.0;
@@ -152,8 +152,9 @@ impl Clocks {
         if !(reach > 0.0 && reach.is_finite()) {
             return Err(Error::value(format!("[clocks.{name}] reach = {reach}: write seconds above 0")));
         }
-        let own_set = Dataset::for_channels(recipe, std::slice::from_ref(channel_name), &self.topics, logs, progress)?;
-        if !is_stamped(&own_set, topics, std::iter::once(section)) {
+        let compared_set =
+            Dataset::for_channels(recipe, std::slice::from_ref(channel_name), &self.topics, logs, progress)?;
+        if !is_stamped(&compared_set, topics, std::iter::once(section)) {
             return Err(Error::conflict(format!(
                 "{place}: `{channel_name}` is not in a topic of [clocks.{name}]; name first the channel of the reference clock, then the channel of this clock"
             )));
@@ -167,15 +168,15 @@ impl Clocks {
         }
         let even = recipe.prepare.dejitter == Some(true);
         let references = channels(&reference_set, even).map_err(|error| error.of(&place, reference))?;
-        for own_channel in channels(&own_set, even).map_err(|error| error.of(&place, channel_name))? {
-            let Some(reference_channel) = references.iter().find(|channel| channel.log == own_channel.log) else {
-                let log = own_channel.log.display();
+        for compared_channel in channels(&compared_set, even).map_err(|error| error.of(&place, channel_name))? {
+            let Some(reference_channel) = references.iter().find(|channel| channel.log == compared_channel.log) else {
+                let log = compared_channel.log.display();
                 return Err(Error::missing(format!("{place}: {log} has no rows of `{reference}`")));
             };
             let (about, even) = (section.offset, section.even == Some(true));
-            let pair = Pair { reference: reference_channel, compared: &own_channel, reach, about, even };
+            let pair = Pair { reference: reference_channel, compared: &compared_channel, reach, about, even };
             let correspondence = pair.estimate(by).map_err(|source| Error::Signal {
-                episode: own_channel.log.display().to_string(),
+                episode: compared_channel.log.display().to_string(),
                 channel: format!("{reference}` and `{channel_name}"),
                 source,
             })?;
@@ -190,10 +191,10 @@ impl Clocks {
         name: &str,
         section: &ClockSection,
         pair: &Pair<'_>,
-        correspondence: Found,
+        correspondence: Correspondence,
     ) -> Result<(), Error> {
         let log = pair.compared.log.display().to_string();
-        if let Found::Motion(Alignment { at_end: true, line, .. }) = &correspondence {
+        if let Correspondence::Motion(Alignment { at_end: true, line, .. }) = &correspondence {
             return Err(Error::undetermined(format!(
                 "[clocks.{name}]: in {log} the best clock offset is {:.4} s at {:.1} ppm, at an end of the search range ({} s about {:.4} s): give a longer reach, or an offset to search about",
                 line.offset,
@@ -202,7 +203,7 @@ impl Clocks {
                 pair.about(),
             )));
         }
-        if let Found::Motion(Alignment { deviation, unexplained, .. }) = &correspondence
+        if let Correspondence::Motion(Alignment { deviation, unexplained, .. }) = &correspondence
             && (deviation.is_nan() || 1.96 * deviation >= pair.reach)
         {
             return Err(Error::undetermined(format!(
@@ -212,8 +213,12 @@ impl Clocks {
         }
         let line = correspondence.line();
         let report = match &correspondence {
-            Found::Motion(alignment) => AlignedClock::by_motion(name, &log, alignment, pair.reference.times[0]),
-            Found::Wave(alignment) => AlignedClock::by_wave(name, &log, alignment, pair.even, pair.reference.times[0]),
+            Correspondence::Motion(alignment) => {
+                AlignedClock::by_motion(name, &log, alignment, pair.reference.times[0])
+            }
+            Correspondence::Wave(alignment) => {
+                AlignedClock::by_wave(name, &log, alignment, pair.even, pair.reference.times[0])
+            }
         };
         self.notes.extend(report.doubts(DOUBTFUL, BENT));
         self.reports.push(report);
@@ -293,12 +298,12 @@ fn channels(dataset: &Dataset, even: bool) -> Result<Vec<Channel>, Stopped> {
 }
 
 /// Alignment of a clock in a log.
-enum Found {
+enum Correspondence {
     Motion(Alignment),
     Wave(EdgeAlignment),
 }
 
-impl Found {
+impl Correspondence {
     fn line(&self) -> ClockLine {
         match self {
             Self::Motion(estimate) => estimate.line,
@@ -324,18 +329,18 @@ impl Pair<'_> {
         self.about.unwrap_or((self.reference.log_offset - self.compared.log_offset) as f64 * 1e-9)
     }
 
-    fn estimate(&self, by: By) -> Result<Found, SignalError> {
+    fn estimate(&self, by: By) -> Result<Correspondence, SignalError> {
         // Seconds of both from the reference's beginning.
         let apart = (self.compared.epoch - self.reference.epoch) as f64 * 1e-9;
-        let own_times: Vec<f64> = self.compared.times.iter().map(|time| time + apart).collect();
+        let compared_times: Vec<f64> = self.compared.times.iter().map(|time| time + apart).collect();
         let first = Record { times: &self.reference.times, values: &self.reference.values };
-        let second = Record { times: &own_times, values: &self.compared.values };
+        let second = Record { times: &compared_times, values: &self.compared.values };
         let within = Within { about: self.about(), reach: self.reach, skew: SKEW };
         match by {
-            By::Motion => align(first, second, within).map(Found::Motion),
+            By::Motion => align(first, second, within).map(Correspondence::Motion),
             By::Wave => {
                 let wave = WaveOptions { margin: self.reference.margin.max(self.compared.margin), even: self.even };
-                align_edges(first, second, within, wave).map(Found::Wave)
+                align_edges(first, second, within, wave).map(Correspondence::Wave)
             }
         }
     }

@@ -31,7 +31,7 @@ use selection::label_names;
 use crate::{
     condition::Condition,
     error::Error,
-    found_clocks::{AlignedClock, Clocks},
+    estimated_clocks::{AlignedClock, Clocks},
     hold_out::Part,
     labels::Labelled,
     logs::Logs,
@@ -109,7 +109,7 @@ impl Dataset {
         };
         let named: Vec<String> = match names {
             Some(names) => names.to_vec(),
-            // What a fit sees; a recipe may name more.
+            // Fields that a fit reads; a recipe may name more.
             None if !aliases.columns.is_empty() => Vec::new(),
             None if !recipe.columns.is_empty() => recipe.columns.keys().cloned().collect(),
             None => fields.iter().filter(readable).map(|field| field.name.clone()).collect(),

@@ -87,7 +87,7 @@ impl Folder {
     ///
     /// # Errors
     /// Those of [`Folder::create`], and a folder that cannot be listed. A folder that is not there is none.
-    pub fn check(target: &Path, force: bool, is_own: fn(&str) -> bool) -> Result<Vec<PathBuf>, Error> {
+    pub fn check(target: &Path, force: bool, is_output: fn(&str) -> bool) -> Result<Vec<PathBuf>, Error> {
         let error = |source: io::Error| Error::Write { path: target.to_owned(), source };
         let entries = match fs::read_dir(target) {
             Err(problem) if problem.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -100,7 +100,7 @@ impl Folder {
             if name.starts_with('.') {
                 continue;
             }
-            if name == RECIPE || is_own(&name) {
+            if name == RECIPE || is_output(&name) {
                 ours.push(path);
             } else if LogFormat::detect(&path).is_some() {
                 foreign.push(path);
@@ -169,7 +169,7 @@ fn left_in(target: &Path) -> io::Result<Vec<PathBuf>> {
 mod tests {
     use super::*;
 
-    fn is_own(name: &str) -> bool {
+    fn is_output(name: &str) -> bool {
         name.ends_with(".mcap") && !name.contains("field")
     }
 
@@ -177,25 +177,25 @@ mod tests {
     fn recordings_of_others_are_never_touched() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("notes.txt.md"), "mine").unwrap();
-        Folder::create(folder.path(), false, &[], is_own).unwrap().commit(&[]).unwrap();
+        Folder::create(folder.path(), false, &[], is_output).unwrap().commit(&[]).unwrap();
         fs::write(folder.path().join("field_day.mcap"), "mine").unwrap();
         for force in [false, true] {
-            let message = Folder::create(folder.path(), force, &[], is_own).err().unwrap().to_string();
+            let message = Folder::create(folder.path(), force, &[], is_output).err().unwrap().to_string();
             assert!(message.contains("field_day.mcap"), "{message}");
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]
-    fn an_abandoned_folder_is_as_it_was() {
+    fn abandoned_folder_is_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(RECIPE), "old").unwrap();
-        let making = Folder::create(folder.path(), true, &[], is_own).unwrap();
+        let making = Folder::create(folder.path(), true, &[], is_output).unwrap();
         fs::write(making.staged(RECIPE), "new").unwrap();
         drop(making);
         assert_eq!(fs::read_to_string(folder.path().join(RECIPE)).unwrap(), "old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-        let making = Folder::create(folder.path(), true, &[], is_own).unwrap();
+        let making = Folder::create(folder.path(), true, &[], is_output).unwrap();
         fs::write(making.staged("a.md"), "new").unwrap();
         making.commit(&["a.md".to_owned()]).unwrap();
         assert!(!folder.path().join(RECIPE).exists() && folder.path().join("a.md").exists());
@@ -205,11 +205,11 @@ mod tests {
     fn folder_of_a_failed_command_is_removed() {
         let parent = tempfile::tempdir().unwrap();
         let target = parent.path().join("clean");
-        let making = Folder::create(&target, false, &[], is_own).unwrap();
+        let making = Folder::create(&target, false, &[], is_output).unwrap();
         fs::write(making.staged("a.md"), "half").unwrap();
         drop(making);
         assert!(!target.exists());
-        let making = Folder::create(&target, false, &[], is_own).unwrap();
+        let making = Folder::create(&target, false, &[], is_output).unwrap();
         fs::write(making.staged("a.md"), "whole").unwrap();
         making.commit(&["a.md".to_owned()]).unwrap();
         assert_eq!(fs::read_to_string(target.join("a.md")).unwrap(), "whole");
@@ -221,14 +221,14 @@ mod tests {
         let left = folder.path().join(".generating-killed");
         fs::create_dir(&left).unwrap();
         fs::write(left.join("hexapod_00.mcap"), "half").unwrap();
-        let making = Folder::create(folder.path(), false, &[], is_own).unwrap();
+        let making = Folder::create(folder.path(), false, &[], is_output).unwrap();
         assert!(
             making.notes()[0].contains("removed ") && making.notes()[0].contains(".generating-killed"),
             "{:?}",
             making.notes()
         );
         assert!(!left.exists());
-        let message = Folder::create(folder.path(), true, &[], is_own).err().unwrap().to_string();
+        let message = Folder::create(folder.path(), true, &[], is_output).err().unwrap().to_string();
         assert!(message.contains("another command"), "{message}");
         making.commit(&[]).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_five_similar_episodes_is_the_test() {
+    fn one_of_five_episodes_is_tested() {
         let rows = [30; 6];
         assert_eq!(Part::Test.of(&rows, 3).unwrap(), [(2, 0..30)]);
         assert_eq!(Part::Training.of(&rows, 3).unwrap().len(), 5);

@@ -17,7 +17,7 @@ use crate::{
     clocks,
     dataset::{Dataset, Reads, described, explained, fields, idle_joins, reads},
     error::Error,
-    found_clocks::Clocks,
+    estimated_clocks::Clocks,
     logs::Logs,
     stats_file::EquationStatistic,
 };

@@ -105,7 +105,7 @@ impl Adaptive {
         self.control.begin(stepper, points, seconds);
         stepper.evaluate(points, workspace);
         self.slopes[0] = right_sides(stepper, count, workspace);
-        // What is no derivative advances by a row, whatever happens within the interval.
+        // States without a derivative advance by a row, whatever happens within the interval.
         let held = self.slopes[0].clone();
         loop {
             checkpoint();

@@ -82,7 +82,7 @@ impl OneStepBaselines {
                 Prediction::Next | Prediction::Value => [Form::Previous, Form::Extrapolated],
             })
             .collect();
-        // What a target is measured as may look ahead: the last one that is known then is as many rows back.
+        // The measured target may look ahead by some rows: the last known target is as many rows back.
         let known = |target: &Expr| target.shifted(target.reach().1.max(1) as i32);
         let previous: Vec<Expr> = targets.iter().map(known).collect();
         let extrapolated = targets.iter().zip(&forms).filter(|(_, form)| form[1] == Form::Extrapolated);

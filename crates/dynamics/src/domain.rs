@@ -61,7 +61,7 @@ impl TrainingDomain {
         let scale: Vec<f64> = (0..functions)
             .map(|j| {
                 let deviation = covariance[packed(j, j)].sqrt();
-                // What never varied is measured in units of its size.
+                // Columns that never varied are measured in units of their size.
                 let size = regions.iter().map(|region| region.mean[j].abs()).fold(0.0, f64::max);
                 if deviation > 0.0 { deviation } else { size }
             })

@@ -96,7 +96,7 @@ impl Geometry {
     pub fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
         let mut aligned = values.to_vec();
         for Group { kind, places, .. } in &self.groups {
-            // What is measured twice is aligned twice.
+            // A quantity that is measured twice is aligned twice.
             let there: Vec<usize> =
                 (0..states.len()).filter(|&k| places.contains(&states[k]) && values[k].is_finite()).collect();
             match kind {

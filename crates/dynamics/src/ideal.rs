@@ -27,12 +27,14 @@ impl References {
     ) -> Result<Option<Self>, Error> {
         let names = simulator.states();
         let mut states: Vec<(usize, bool)> = Vec::new();
-        for own in references {
-            let refused =
-                |problem: &str| Error::Reference { text: format!("{}=...", own.state), problem: problem.to_owned() };
-            let state = names.iter().position(|name| *name == own.state).ok_or_else(|| {
-                let nearest = nearest(&own.state, names.iter().map(String::as_str));
-                Error::from(UnknownColumn { name: own.state.clone(), nearest })
+        for reference in references {
+            let refused = |problem: &str| Error::Reference {
+                text: format!("{}=...", reference.state),
+                problem: problem.to_owned(),
+            };
+            let state = names.iter().position(|name| *name == reference.state).ok_or_else(|| {
+                let nearest = nearest(&reference.state, names.iter().map(String::as_str));
+                Error::from(UnknownColumn { name: reference.state.clone(), nearest })
             })?;
             let column = simulator.shown()[state].column;
             if model.rotations().iter().any(|rotation| rotation.columns.contains(&column)) {
@@ -41,10 +43,10 @@ impl References {
             if states.iter().any(|&(known, _)| known == state) {
                 return Err(refused("gives this state a second reference; keep one"));
             }
-            states.push((state, own.rate));
+            states.push((state, reference.rate));
         }
         let columns: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
-        let values: Vec<Expr> = references.iter().map(|own| own.value.clone()).collect();
+        let values: Vec<Expr> = references.iter().map(|reference| reference.value.clone()).collect();
         let program = Program::compile(&values, &columns)?;
         Ok((!states.is_empty()).then_some(Self { program, states }))
     }
@@ -56,13 +58,13 @@ impl References {
         let rows = window.at..window.at + steps;
         let (mut values, mut scratch) = (Vec::new(), Scratch::default());
         evaluate(&self.program, window.block, &rows, &mut values, &mut scratch);
-        let mut paths: Vec<Vec<f64>> = measured.iter().map(|own| vec![f64::NAN; own.len()]).collect();
+        let mut paths: Vec<Vec<f64>> = measured.iter().map(|series| vec![f64::NAN; series.len()]).collect();
         for (&(state, rate), value) in self.states.iter().zip(values.chunks_exact(steps.max(1))) {
             let path = &mut paths[state];
             path[..2].copy_from_slice(&measured[state][..2]);
             for k in 1..=steps {
-                let own = value[k - 1];
-                path[k + 1] = if rate { own.mul_add(time[k] - time[k - 1], path[k]) } else { own };
+                let reference = value[k - 1];
+                path[k + 1] = if rate { reference.mul_add(time[k] - time[k - 1], path[k]) } else { reference };
             }
         }
         paths

@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn traces_append_as_if_they_had_not_been_cut() {
+    fn appended_traces_equal_uncut_traces() {
         // A linear congruential generator is random enough for cuts (Knuth's MMIX constants).
         let mut state = 4u64;
         let mut random = |below: u64| {

@@ -121,7 +121,7 @@ impl Predictor {
         }
         let first = model.latents.first().map(|latent| latent.library);
         let compiled = Compiled::new(model, source_columns, &equations, first)?;
-        // What the source does not have was not measured; the predictions are there all the same.
+        // Columns that the source lacks were not measured; the predictions are there all the same.
         let known = |target: &Expr| target.columns().iter().all(|name| source_columns.contains(&&**name));
         let target = |target: &Expr| if known(target) { target.clone() } else { Expr::number(f64::NAN) };
         let targets: Vec<Expr> = equations.iter().filter_map(|equation| equation.target.as_ref()).map(target).collect();

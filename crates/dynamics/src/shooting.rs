@@ -224,7 +224,7 @@ impl<'a> Shooting<'a> {
         let along = Along { retractions: (0..steps).map(brought_back).collect(), ..self.along(&stages, &seconds) };
         let tangent = direction.map(|direction| along.forward(direction));
         let cells = self.cells(window);
-        // Where a segment ended early its last good state stands.
+        // A segment that ended early has its last good state.
         let place = |&(step, state, _): &(usize, usize, f64)| step.min(steps) * states + state;
         let value = |cell: &(usize, usize, f64)| match &tangent {
             Some(tangent) => -self.scale[cell.1] * tangent[place(cell)],

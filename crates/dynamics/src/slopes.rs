@@ -31,7 +31,7 @@ pub(crate) struct Slopes {
 #[derive(Debug, Clone, Copy)]
 enum Variable {
     /// A column, by its number among the variables.
-    Own(usize),
+    Column(usize),
     /// A latent, by its number in the model.
     Latent(usize),
 }
@@ -77,7 +77,7 @@ impl Slopes {
             let Some(equation) = equation else { continue };
             let derivatives = variables.iter().map(|&reading| derivative(&equation.right, &columns, reading));
             let latents = model.latents.iter().map(|latent| equation.right.derivative(&latent.name));
-            let derivatives = derivatives.enumerate().map(|(i, slope)| (slope, Variable::Own(i)));
+            let derivatives = derivatives.enumerate().map(|(i, slope)| (slope, Variable::Column(i)));
             let latents = latents.enumerate().map(|(i, slope)| (slope, Variable::Latent(i)));
             for (slope, variable) in derivatives.chain(latents).filter(|(slope, _)| !is_zero(slope)) {
                 right_slopes.push(slope);
@@ -99,7 +99,7 @@ impl Slopes {
     pub(crate) fn readers(&self) -> Vec<(usize, usize)> {
         let latent = |&(side, variable): &(usize, Variable)| match variable {
             Variable::Latent(latent) => Some((side, latent)),
-            Variable::Own(_) => None,
+            Variable::Column(_) => None,
         };
         let mut readers: Vec<(usize, usize)> = self.right_entries.iter().filter_map(latent).collect();
         readers.sort_unstable();
@@ -151,7 +151,7 @@ impl Slopes {
             for (entry, &(row, variable)) in self.right_entries.iter().enumerate() {
                 let slope = rights[entry * stride + b];
                 match variable {
-                    Variable::Own(variable) => slopes[row * width + variable] += slope,
+                    Variable::Column(variable) => slopes[row * width + variable] += slope,
                     Variable::Latent(slot) => {
                         by_latents[row * latents + slot] += slope;
                         for variable in 0..width {

@@ -102,7 +102,7 @@ impl StepControl {
         for (s, state) in stepper.states.iter().enumerate() {
             let x = points.column(state.column, 0);
             self.present[s * count..(s + 1) * count].copy_from_slice(x);
-            // What is no number stays none.
+            // A value that is not a number stays so.
             x.iter().zip(&mut self.elapsed).filter(|(x, _)| !x.is_finite()).for_each(|(_, elapsed)| *elapsed = seconds);
         }
     }

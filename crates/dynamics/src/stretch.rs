@@ -214,7 +214,7 @@ mod tests {
     /// Row by row the equations take the steps that batches take, to the bit, with gains too. The derivatives by the
     /// beginning are those of differences.
     #[test]
-    fn lean_steps_are_those_of_batches() {
+    fn lean_steps_match_batches() {
         let mut source = MemorySource::new(["q", "v", "u"].map(DataColumn::float).to_vec());
         let wave = |shift: f64| (0..90).map(|k| (0.3 * f64::from(k) + shift).sin()).collect::<Vec<f64>>();
         source.push_uniform("run", 0.05, vec![wave(0.0), wave(1.0), wave(2.0)]);

@@ -19,7 +19,7 @@ pub enum EstimateError {
     NameTaken {
         /// The name.
         name: String,
-        /// Who has it.
+        /// Source of the name.
         by: &'static str,
     },
     /// A parameter that no model has.

@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn surveys_of_parts_are_that_of_the_whole() {
+    fn surveys_of_parts_match_whole() {
         let values: Vec<f64> = (0..40).map(|k| f64::from(k * k % 17) + 1e6).collect();
         let of = |values: &[f64]| {
             let mut seen = Seen { count: 0.0, mean: 0.0, squares: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY] };

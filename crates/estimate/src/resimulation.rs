@@ -353,7 +353,7 @@ fn deviations(
     let variances: Vec<Vec<f64>> = variances.into_iter().flatten().collect();
     for (j, deviation) in deviations.iter_mut().enumerate().filter(|(_, deviation)| deviation.is_nan()) {
         let variance = variances.iter().map(|row| row[j]).sum::<f64>() / variances.len() as f64;
-        // Where the model has no value along the recordings, nothing is known of noise.
+        // If the model has no value along the recordings, the noise is unknown.
         *deviation = spreads[j] * if variances.is_empty() { 1.0 } else { variance.sqrt() };
     }
     Ok(deviations)

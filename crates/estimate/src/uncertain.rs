@@ -50,7 +50,7 @@ mod tests {
     use super::Uncertain;
 
     #[test]
-    fn the_error_has_two_digits_and_the_value_as_many_places() {
+    fn values_are_rounded_to_their_errors() {
         for (value, error, text) in [
             (0.0716, 0.000912, "0.07160 +- 0.00091"),
             (0.0716, 0.000996, "0.0716 +- 0.0010"),

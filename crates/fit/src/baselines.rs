@@ -61,7 +61,7 @@ pub(crate) fn baselines(
     match score(model, seen, &ScoreOptions::default(), progress) {
         Ok(scores) => Ok(scores.targets.iter().map(TargetBaselines::new).collect()),
         Err(error @ DynamicsError::Data(_)) => Err(error.into()),
-        // What cannot be scored row by row has no baseline, and is a model all the same.
+        // Models that cannot be scored row by row have no baseline.
         Err(_) => Ok(Vec::new()),
     }
 }

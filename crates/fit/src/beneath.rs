@@ -18,7 +18,7 @@ pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Result<Recipe, Error
         return Ok(whole);
     }
     let mut whole = scanned.clone();
-    whole.say_all(recipe);
+    whole.override_all(recipe);
     if recipe.library != Default::default() {
         whole.library = recipe.library.clone();
     }

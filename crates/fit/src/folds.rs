@@ -75,8 +75,8 @@ pub(crate) fn smoothed_rows(seconds: Option<f64>, step: f64) -> usize {
 /// Neighbours on either side that are made of the same samples as a row: lags and differences in the expressions reach over them.
 pub(crate) fn reached<'e>(expressions: impl IntoIterator<Item = &'e Expr>) -> usize {
     let (back, ahead) = expressions.into_iter().fold((0, 0), |(back, ahead), expression| {
-        let (own_back, own_ahead) = expression.reach();
-        (own_back.max(back), own_ahead.max(ahead))
+        let (lag_rows, lead_rows) = expression.reach();
+        (lag_rows.max(back), lead_rows.max(ahead))
     });
     (back as usize).saturating_add(ahead as usize)
 }

@@ -83,8 +83,8 @@ mod tests {
             vec![vec![1.0, 2.0, f64::INFINITY, 4.0], vec![1.0, 2.0, f64::NAN, f64::NAN], vec![0.0; 4]],
         );
         let read = ["a^2", "lag(b, 1)"].map(|text| Expr::parse(text, &Scope::open()).unwrap());
-        let said = sentence(3, &source, &read).unwrap();
-        assert_eq!(said, "3 rows with a missing value (NaN or infinite) left out; the first: `a`, `b` in row 3 of two");
+        let note = sentence(3, &source, &read).unwrap();
+        assert_eq!(note, "3 rows with a missing value (NaN or infinite) left out; the first: `a`, `b` in row 3 of two");
         let other = sentence(1, &source, &[Expr::number(1.0)]).unwrap();
         assert!(other.starts_with("1 row with") && other.contains("a function of them"), "{other}");
     }

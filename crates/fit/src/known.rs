@@ -72,7 +72,7 @@ pub(crate) fn given(
             "no row has a value of every state: the spread of the states is unknown; give other files".into(),
         ));
     }
-    // What a parameter is estimated from must move.
+    // The data of a parameter must vary.
     let estimated = task.equations.iter().filter(|equation| equation.target.is_some());
     for equation in estimated {
         let at = names_of(&task.columns, Role::State).position(|name| name == equation.subject);

@@ -17,7 +17,7 @@ const SHARE: usize = 5;
 pub(crate) fn by_time<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,
-    solution: &M::Found,
+    solution: &M::Solution,
     smoothed: usize,
     progress: &dyn Progress,
 ) -> Result<Option<ByTime>, Error> {

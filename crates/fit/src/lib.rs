@@ -62,7 +62,7 @@ pub use narx::{
     FileRun, FileRuns, GivenOrder, MeanRun, Narx, NarxCandidate, NarxEquation, NarxOptions, NarxRegion, NarxReport,
     NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, PastRows, TermRule, free_runs_by_file, late_inputs,
 };
-pub use network::{LagChoice, Network, NetworkCandidate, NetworkErrors, NetworkFound, NetworkReport};
+pub use network::{LagChoice, Network, NetworkCandidate, NetworkErrors, NetworkReport, NetworkSolution};
 pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors, simulation_cost};
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, Parameters, ParametersHeldOut, ParametersReport,

@@ -191,7 +191,7 @@ pub trait Method: Sized {
     /// Sums over the rows, made before the first candidate is solved.
     type Sums;
     /// The candidates, solved, and the one that was chosen.
-    type Found;
+    type Solution;
 
     /// Reads the method's settings from the recipe.
     ///
@@ -340,16 +340,16 @@ pub trait Method: Sized {
         sums: &Self::Sums,
         notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<Vec<Self::Found>, Error>;
+    ) -> Result<Vec<Self::Solution>, Error>;
 
     /// The chosen model.
-    fn model(solution: &Self::Found) -> &Model;
+    fn model(solution: &Self::Solution) -> &Model;
 
     /// The model of one step that a fit to simulations begins with, and the set that it keeps.
     ///
     /// # Errors
     /// Those of posing the set.
-    fn beginning(&self, _data: Data<'_, Self::Task>, solution: &Self::Found) -> Result<Beginning, Error> {
+    fn beginning(&self, _data: Data<'_, Self::Task>, solution: &Self::Solution) -> Result<Beginning, Error> {
         Ok((Self::model(solution).clone(), None))
     }
 
@@ -360,7 +360,7 @@ pub trait Method: Sized {
     fn again(
         &self,
         data: Data<'_, Self::Task>,
-        _found: &Self::Found,
+        _solution: &Self::Solution,
         progress: &dyn Progress,
     ) -> Result<Beginning, Error> {
         let mut models = self.trials(data, progress)?;
@@ -372,7 +372,7 @@ pub trait Method: Sized {
     fn held_out_by_time(
         &self,
         _data: Data<'_, Self::Task>,
-        _found: &Self::Found,
+        _solution: &Self::Solution,
         _progress: &dyn Progress,
     ) -> Option<Result<Model, Error>> {
         None
@@ -385,7 +385,7 @@ pub trait Method: Sized {
     fn same_terms(
         &self,
         data: Data<'_, Self::Task>,
-        solution: &Self::Found,
+        solution: &Self::Solution,
         progress: &dyn Progress,
     ) -> Result<Model, Error> {
         Ok(self.again(data, solution, progress)?.0)
@@ -399,7 +399,7 @@ pub trait Method: Sized {
         &self,
         data: Data<'_, Self::Task>,
         sums: &Self::Sums,
-        solution: &mut Self::Found,
+        solution: &mut Self::Solution,
         refinement: &mut Refinement,
     ) -> Result<(), Error>;
 
@@ -407,7 +407,7 @@ pub trait Method: Sized {
     fn expressions(&self, task: &Self::Task) -> Vec<Expr>;
 
     /// Facts about the rows.
-    fn facts(&self, data: Data<'_, Self::Task>, sums: &Self::Sums, solution: &Self::Found) -> RowFacts;
+    fn facts(&self, data: Data<'_, Self::Task>, sums: &Self::Sums, solution: &Self::Solution) -> RowFacts;
 
     /// The fit with its report.
     ///
@@ -417,7 +417,7 @@ pub trait Method: Sized {
         &self,
         data: Data<'_, Self::Task>,
         sums: &Self::Sums,
-        solution: Self::Found,
+        solution: Self::Solution,
         summary: FitSummary,
         progress: &dyn Progress,
     ) -> Result<Fitted<Self::Report>, Error>;

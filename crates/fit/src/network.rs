@@ -24,7 +24,7 @@ use lags::with_past;
 use options::NetworkOptions;
 pub use report::{LagChoice, NetworkCandidate, NetworkErrors, NetworkReport};
 use rows::Rows;
-use search::{Found, search};
+use search::{Selection, search};
 use train::Fitted as Trained;
 
 use crate::{
@@ -37,6 +37,7 @@ use crate::{
     radial,
     rollout_choice::RolloutRule,
     summary::FitSummary,
+    worth::verdict,
 };
 
 /// Rows that a plan takes as read of every column, where lags are found.
@@ -53,9 +54,9 @@ pub struct Network {
 }
 
 /// The linear model, what was compared, and the model that is written.
-pub struct NetworkFound {
+pub struct NetworkSolution {
     linear: Identification,
-    found: Found,
+    selection: Selection,
     rule: String,
     trained_rows: usize,
     model: Model,
@@ -69,7 +70,7 @@ impl Method for Network {
     type Report = NetworkReport;
     type Task = Task;
     type Sums = Option<PastRows>;
-    type Found = NetworkFound;
+    type Solution = NetworkSolution;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
         radial::refuse(recipe, "fit network")?;
@@ -92,7 +93,7 @@ impl Method for Network {
         plan.passes += 1;
         plan.memory += self.options.bytes().min(rows * (inputs + 2 * targets) * 32);
         plan.work.operations += self.options.work(rows, inputs, targets);
-        let sizes: Vec<String> = self.options.sizes().iter().map(|own| NetworkCandidate::name_of(own)).collect();
+        let sizes: Vec<String> = self.options.sizes().iter().map(|hidden| NetworkCandidate::name_of(hidden)).collect();
         plan.details = vec![format!("compared with the linear model on {rows} rows: {}", sizes.join(", "))];
         if self.looks {
             plan.details.push("lags: those with which linear models simulate held-out spans, up to ten or so".into());
@@ -155,8 +156,8 @@ impl Method for Network {
         if !self.looks {
             return Ok(None);
         }
-        let how = (self.options.effort, self.options.folds.into(), self.options.seed);
-        let past = match PastRows::find(&opened.recipe, &opened.dataset, how, progress) {
+        let settings = (self.options.effort, self.options.folds.into(), self.options.seed);
+        let past = match PastRows::find(&opened.recipe, &opened.dataset, settings, progress) {
             Ok(past) => past,
             Err(error @ Error::Cancelled(_)) => return Err(error),
             Err(error) => {
@@ -175,7 +176,7 @@ impl Method for Network {
         past: &Self::Sums,
         notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<Vec<NetworkFound>, Error> {
+    ) -> Result<Vec<NetworkSolution>, Error> {
         let mut of_present = Vec::new();
         let present = self.one(data, &mut of_present, progress)?;
         let task = past.as_ref().map(|past| with_past(data, past)).transpose()?.flatten();
@@ -190,15 +191,26 @@ impl Method for Network {
         }
     }
 
-    fn model(found: &NetworkFound) -> &Model {
-        &found.model
+    fn model(solution: &NetworkSolution) -> &Model {
+        &solution.model
     }
 
-    fn again(&self, data: Data<'_, Task>, found: &NetworkFound, progress: &dyn Progress) -> Result<Beginning, Error> {
-        Ok((self.trained(data, found, progress)?, None))
+    fn again(
+        &self,
+        data: Data<'_, Task>,
+        solution: &NetworkSolution,
+        progress: &dyn Progress,
+    ) -> Result<Beginning, Error> {
+        Ok((self.trained(data, solution, progress)?, None))
     }
 
-    fn refine(&self, _: Data<'_, Task>, _: &Self::Sums, _: &mut NetworkFound, _: &mut Refinement) -> Result<(), Error> {
+    fn refine(
+        &self,
+        _: Data<'_, Task>,
+        _: &Self::Sums,
+        _: &mut NetworkSolution,
+        _: &mut Refinement,
+    ) -> Result<(), Error> {
         Ok(())
     }
 
@@ -206,19 +218,22 @@ impl Method for Network {
         self.linear.expressions(task)
     }
 
-    fn facts(&self, data: Data<'_, Task>, _: &Self::Sums, found: &NetworkFound) -> RowFacts {
-        self.linear.facts(data, &None, &found.linear)
+    fn facts(&self, data: Data<'_, Task>, _: &Self::Sums, solution: &NetworkSolution) -> RowFacts {
+        self.linear.facts(data, &None, &solution.linear)
     }
 
     fn report(
         &self,
         _: Data<'_, Task>,
         _: &Self::Sums,
-        found: NetworkFound,
-        summary: FitSummary,
+        solution: NetworkSolution,
+        mut summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<NetworkReport>, Error> {
-        let NetworkFound { linear, found, rule, trained_rows, model, lags, .. } = found;
+        let NetworkSolution { linear, selection, rule, trained_rows, model, lags, .. } = solution;
+        let shares = selection.held_out.iter().map(|errors| (errors.rmse / errors.mean).powi(2));
+        let shares = linear.targets.iter().cloned().zip(shares);
+        summary.verdict = verdict("predicted", shares, summary.by_time.as_ref());
         let report = NetworkReport {
             hash: model.hash(),
             rows: linear.rows,
@@ -226,9 +241,9 @@ impl Method for Network {
             targets: linear.targets,
             sigma: linear.sigma,
             fold_rule: rule,
-            candidates: found.candidates,
-            chosen: found.chosen,
-            held_out: found.held_out,
+            candidates: selection.candidates,
+            chosen: selection.chosen,
+            held_out: selection.held_out,
             lags,
             summary,
         };
@@ -239,12 +254,12 @@ impl Method for Network {
 /// The recipe with a prediction: where none is given, that of the change from row to row, whose past rows are regressors. A central difference reads the rows beside it,
 /// and their noise would explain its own; a measured or a known derivative stays.
 fn predicting(recipe: &Recipe) -> Recipe {
-    let mut own = recipe.clone();
+    let mut adapted = recipe.clone();
     let has_derivative = |state: &State| state.derivative.is_some() || state.known.is_some();
     if recipe.model.predict.is_none() && !recipe.states.values().any(has_derivative) {
-        own.model.predict = Some("delta".into());
+        adapted.model.predict = Some("delta".into());
     }
-    own
+    adapted
 }
 
 impl Network {
@@ -254,34 +269,34 @@ impl Network {
         data: Data<'_, Task>,
         notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<NetworkFound, Error> {
+    ) -> Result<NetworkSolution, Error> {
         let mut of_linear = Vec::new();
         let linear = self.linear.find(data, &None, &mut of_linear, progress)?.swap_remove(0);
         let rows = self.rows(data, progress, true)?;
-        let mut found = search(&rows, &self.options, progress)?;
+        let mut selection = search(&rows, &self.options, progress)?;
         if rows.table.rows() < rows.complete {
-            found.notes.push(format!(
+            selection.notes.push(format!(
                 "{} of {} complete rows, evenly taken, train and test the networks; more memory or effort takes more",
                 rows.table.rows(),
                 rows.complete
             ));
         }
         let mut model = linear.model.clone();
-        if found.chosen == 0 {
+        if selection.chosen == 0 {
             model.method = "network linear".into();
-            let reason = match found.candidates.len() {
+            let reason = match selection.candidates.len() {
                 1 => "no network was compared",
                 _ => "no network predicts held-out rows better than the linear model by more than one standard error",
             };
-            found.notes.push(format!("{reason}: the linear model is written"));
+            selection.notes.push(format!("{reason}: the linear model is written"));
             notes.append(&mut of_linear);
         } else {
-            self.write(&mut model, &found.fitted, &rows);
+            self.write(&mut model, &selection.fitted, &rows);
         }
-        notes.append(&mut found.notes);
-        Ok(NetworkFound {
+        notes.append(&mut selection.notes);
+        Ok(NetworkSolution {
             linear,
-            found,
+            selection,
             rule: rows.rule,
             trained_rows: rows.table.rows(),
             model,
@@ -291,19 +306,24 @@ impl Network {
     }
 
     /// The chosen candidate fitted to some rows.
-    fn trained(&self, data: Data<'_, Task>, found: &NetworkFound, progress: &dyn Progress) -> Result<Model, Error> {
-        let data = Data { task: &found.task, ..data };
+    fn trained(
+        &self,
+        data: Data<'_, Task>,
+        solution: &NetworkSolution,
+        progress: &dyn Progress,
+    ) -> Result<Model, Error> {
+        let data = Data { task: &solution.task, ..data };
         let (_, mut model) = self.linear.trials(data, progress)?.swap_remove(0);
-        model.method.clone_from(&found.model.method);
-        let hidden = &found.found.candidates[found.found.chosen].hidden;
+        model.method.clone_from(&solution.model.method);
+        let hidden = &solution.selection.candidates[solution.selection.chosen].hidden;
         if !hidden.is_empty() {
             let rows = self.rows(data, progress, false)?;
             let [all, _] = rows.split(None);
             let (p, q) = (rows.table.inputs(), rows.table.targets());
-            let how = self.options.training(hidden, all.len(), p, q);
+            let training = self.options.training(hidden, all.len(), p, q);
             let shape =
                 fleetfoot_learn::Shape { inputs: p, hidden: hidden.clone(), activation: self.options.activation };
-            let fitted = train::network(&shape, &rows.table, &all, &how, progress)?;
+            let fitted = train::network(&shape, &rows.table, &all, &training, progress)?;
             self.write(&mut model, &fitted, &rows);
         }
         Ok(model)

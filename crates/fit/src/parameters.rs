@@ -18,7 +18,7 @@ use fleetfoot_model::{Column, Equation, Estimated as EstimatedNumber, Model, Rol
 use fleetfoot_recipe::{EstimateMethod, Recipe};
 use fleetfoot_task::ParametersTask;
 pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
-use report::{Found, report};
+use report::{Estimate, report};
 
 use crate::{
     error::Error,
@@ -48,14 +48,14 @@ pub(crate) struct EstimateOptions {
 
 impl EstimateOptions {
     fn new(recipe: &Recipe) -> Result<Self, Error> {
-        let said = &recipe.estimate;
-        let method = said.method.unwrap_or_default();
-        let compare: Vec<String> = said.compare.as_deref().map(fleetfoot_recipe::items).unwrap_or_default();
+        let section = &recipe.estimate;
+        let method = section.method.unwrap_or_default();
+        let compare: Vec<String> = section.compare.as_deref().map(fleetfoot_recipe::items).unwrap_or_default();
         let compare: Vec<String> = compare.iter().map(|name| name.trim().trim_matches('`').to_owned()).collect();
-        if let Some(rows) = said.segment.filter(|&rows| rows < 2) {
+        if let Some(rows) = section.segment.filter(|&rows| rows < 2) {
             return Err(Error::value(format!("segment = {rows}: a segment has two rows at least")));
         }
-        if method == EstimateMethod::EquationError && (said.segment.is_some() || said.compare.is_some()) {
+        if method == EstimateMethod::EquationError && (section.segment.is_some() || section.compare.is_some()) {
             return Err(Error::conflict(
                 "segment and compare apply to simulations, and method = \"equation-error\" runs none: remove them"
                     .into(),
@@ -68,9 +68,9 @@ impl EstimateOptions {
         }
         Ok(Self {
             method,
-            segment: said.segment,
+            segment: section.segment,
             compare,
-            folds: said.folds.unwrap_or(5),
+            folds: section.folds.unwrap_or(5),
             smoothed: recipe.time.smoothed,
         })
     }
@@ -85,9 +85,9 @@ pub struct Parameters {
 pub struct Estimated {
     /// The model with the names of parameters in its equations.
     open: Model,
-    estimate: Found,
+    estimate: Estimate,
     /// Without `[constraints]`, where there are any.
-    free: Option<Found>,
+    free: Option<Estimate>,
     held_out: Option<ParametersHeldOut>,
     model: Model,
 }
@@ -97,7 +97,7 @@ impl Method for Parameters {
     type Report = ParametersReport;
     type Task = ParametersTask;
     type Sums = ();
-    type Found = Estimated;
+    type Solution = Estimated;
 
     fn new(recipe: &Recipe, _: &FitRequest) -> Result<Self, Error> {
         radial::refuse(recipe, "fit parameters")?;
@@ -229,7 +229,7 @@ fn no_rows() -> Error {
 }
 
 /// Estimate without constraints; `None`, with a note, if it fails.
-fn free(estimate: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<Found>, Error> {
+fn free(estimate: Result<Estimate, Error>, notes: &mut Vec<String>) -> Result<Option<Estimate>, Error> {
     match estimate {
         Ok(estimate) => Ok(Some(estimate)),
         Err(error @ Error::Cancelled(_)) => Err(error),
@@ -258,7 +258,7 @@ fn estimate(
     source: &dyn Source,
     options: &EstimateOptions,
     progress: &dyn Progress,
-) -> Result<Found, Error> {
+) -> Result<Estimate, Error> {
     if options.method == EstimateMethod::EquationError {
         if let Some(silent) = task.without_residual() {
             return Err(Error::conflict(format!(
@@ -266,9 +266,9 @@ fn estimate(
                 entry = PARAMETERS.entry(silent)
             )));
         }
-        return Ok(Found::Equation(by_equations(task, limits, source, progress)?));
+        return Ok(Estimate::Equation(by_equations(task, limits, source, progress)?));
     }
-    // What the rows say one by one is a second place to begin; where they say nothing, there is one.
+    // Equation errors of single rows give a second starting point; without them there is one.
     let starts = match by_equations(task, limits, source, progress) {
         Ok(refitted) => vec![refitted.estimate.values],
         Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
@@ -288,16 +288,16 @@ fn again(
     open: &Model,
     source: &dyn Source,
     options: &EstimateOptions,
-    before: &Found,
+    before: &Estimate,
     progress: &dyn Progress,
-) -> Result<Found, EstimateError> {
+) -> Result<Estimate, EstimateError> {
     let starts = vec![before.values().to_vec()];
     Ok(match before {
-        Found::Equation(_) => Found::Equation(by_equations(task, &task.limits, source, progress)?),
-        Found::Simulated { filter: None, .. } => {
+        Estimate::Equation(_) => Estimate::Equation(by_equations(task, &task.limits, source, progress)?),
+        Estimate::Simulated { filter: None, .. } => {
             by_outputs((task, &task.limits), open, source, options, starts, progress)?.into()
         }
-        Found::Simulated { filter: Some(before), .. } => {
+        Estimate::Simulated { filter: Some(before), .. } => {
             let gains = Gains::Near(before.gains.iter().map(|gain| gain.value).collect());
             by_filter((task, &task.limits), open, source, options, (starts, gains), progress)?.into()
         }
@@ -347,7 +347,7 @@ fn simulated(options: &EstimateOptions, starts: Vec<Vec<f64>>) -> OutputErrorOpt
 }
 
 /// The model with values in place of the parameters.
-fn closed(open: &Model, task: &ParametersTask, estimate: &Found) -> Model {
+fn closed(open: &Model, task: &ParametersTask, estimate: &Estimate) -> Model {
     let mut model = open.clone();
     let values = estimate.values();
     for equation in &mut model.equations {

@@ -57,7 +57,7 @@ pub fn fit_all<M: Method>(
     progress: &dyn Progress,
 ) -> Result<Vec<Fitted<M::Report>>, Error> {
     let logs = &logs.into();
-    // What is wrong with the words of the recipe is said before the pass.
+    // Errors in the words of the recipe are reported before the pass.
     let mut method = M::new(recipe, request)?;
     let mut notes = Vec::new();
     if logs.is_statistic() {
@@ -152,12 +152,12 @@ fn of_logs<M: Method>(
         refuse_not_finite(M::model(&solution))?;
         let refinement = refined(&method, data, &sums, &mut solution, progress)?;
         let facts = method.facts(data, &sums, &solution);
-        let mut said = dataset.notes().to_vec();
-        said.extend(notes.iter().cloned());
+        let mut summary_notes = dataset.notes().to_vec();
+        summary_notes.extend(notes.iter().cloned());
         let incomplete = facts.left_out.get(1).copied().unwrap_or(0);
-        said.extend(incomplete_rows(incomplete, dataset, method.expressions(task))?);
-        said.extend(concentration::notes(&facts.concentrated, named));
-        said.extend(objective::note(method.objective(), refinement.as_ref()));
+        summary_notes.extend(incomplete_rows(incomplete, dataset, method.expressions(task))?);
+        summary_notes.extend(concentration::notes(&facts.concentrated, named));
+        summary_notes.extend(objective::note(method.objective(), refinement.as_ref()));
         // The model of simulations is another one, and `auto` has a test of its own.
         let one_step = refinement.as_ref().is_none_or(|refinement| !refinement.written);
         let by_time = match one_step && simulations.is_none() {
@@ -172,7 +172,8 @@ fn of_logs<M: Method>(
             refinement,
             by_time,
             baselines: baselines(M::model(&solution), rows, progress)?,
-            notes: said,
+            notes: summary_notes,
+            verdict: None,
         };
         let folds = match simulations {
             Some(wanted) => simulated_folds(&method, data, &solution, wanted, progress)?,
@@ -198,13 +199,14 @@ fn of_statistic<M: Method>(
     for solution in method.find(data, &sums, &mut notes, progress)? {
         refuse_not_finite(M::model(&solution))?;
         let facts = method.facts(data, &sums, &solution);
-        let mut said = notes.clone();
-        said.extend(concentration::notes(&facts.concentrated, named));
+        let mut summary_notes = notes.clone();
+        summary_notes.extend(concentration::notes(&facts.concentrated, named));
         let summary = FitSummary {
             episodes: facts.episodes,
             files: file.files.len(),
             left_out: facts.left_out,
-            notes: said,
+            notes: summary_notes,
+            verdict: None,
             ..FitSummary::default()
         };
         fitted.push(method.report(data, &sums, solution, summary, progress)?);
@@ -252,7 +254,7 @@ fn refined<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,
     sums: &M::Sums,
-    solution: &mut M::Found,
+    solution: &mut M::Solution,
     progress: &dyn Progress,
 ) -> Result<Option<Refinement>, Error> {
     let (objective, Some(rows)) = (method.objective(), data.rows) else { return Ok(None) };

@@ -32,7 +32,7 @@ use crate::{
     radial,
     rollout_choice::{RolloutRule, candidates, open_spans, settled},
     summary::FitSummary,
-    worth::{NEXT, worse_than_persistence},
+    worth::{NEXT, verdict, worse_than_persistence},
 };
 
 /// Passes of one identification: survey, scan, errors.
@@ -58,7 +58,7 @@ impl Method for Pwa {
     type Report = PwaReport;
     type Task = Task;
     type Sums = Option<Summed>;
-    type Found = Identification;
+    type Solution = Identification;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
         let options = PwaOptions::new(recipe)?;
@@ -302,6 +302,8 @@ impl Method for Pwa {
                 chosen.r2.iter().zip(&identification.sigma).map(|(r2, sigma)| (1.0 - r2).max(0.0).sqrt() * sigma);
             let errors = identification.targets.iter().cloned().zip(errors);
             summary.notes.extend(worse_than_persistence(&identification.model, errors, &summary.baselines));
+            let shares = identification.targets.iter().cloned().zip(chosen.r2.iter().map(|r2| 1.0 - r2));
+            summary.verdict = verdict("predicted", shares, summary.by_time.as_ref());
         }
         // Last, and with what to do about it.
         if let Some(poor) = chosen.no_better() {

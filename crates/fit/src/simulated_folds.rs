@@ -102,7 +102,7 @@ pub fn fold_room(rows: &dyn Source, folds: usize, smoothed: Option<f64>, step: f
 pub(crate) fn simulated_folds<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,
-    solution: &M::Found,
+    solution: &M::Solution,
     wanted: &Simulations,
     progress: &dyn Progress,
 ) -> Result<FoldSimulations, Error> {

@@ -53,7 +53,7 @@ use crate::{
     radial,
     rollout_choice::{RolloutRule, USUAL_HORIZON, open_spans},
     summary::FitSummary,
-    worth::{no_better, worse_than_persistence},
+    worth::{no_better, verdict, worse_than_persistence},
 };
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
@@ -74,7 +74,7 @@ pub struct Sindy {
 }
 
 /// The equations of every region.
-pub struct Found {
+pub struct Solution {
     regions: Vec<Vec<Solved>>,
     /// The same without bounds of coefficients, where there are any.
     free: Option<Vec<Vec<Solved>>>,
@@ -91,7 +91,7 @@ impl Method for Sindy {
     type Report = SindyReport;
     type Task = EquationTask;
     type Sums = Evidence;
-    type Found = Found;
+    type Solution = Solution;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
         let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
@@ -223,7 +223,7 @@ impl Method for Sindy {
         evidence: &Evidence,
         notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<Vec<Found>, Error> {
+    ) -> Result<Vec<Solution>, Error> {
         let (recipe, options) = (data.recipe, &self.options);
         let solver = Solver::new(evidence, options, self.front, notes)?;
         let (targets, count) = (evidence.task.fitted.len(), evidence.scan.regions());
@@ -244,17 +244,17 @@ impl Method for Sindy {
         let model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance.clone());
         let folds = (solver.folds(), solver.fold_rule().map(str::to_owned));
         let free = limits::free(evidence, solver, progress)?;
-        Ok(vec![Found { regions, free, folds, smoothed, provenance, model }])
+        Ok(vec![Solution { regions, free, folds, smoothed, provenance, model }])
     }
 
-    fn model(solution: &Found) -> &Model {
+    fn model(solution: &Solution) -> &Model {
         &solution.model
     }
 
     fn held_out_by_time(
         &self,
         data: Data<'_, EquationTask>,
-        solution: &Found,
+        solution: &Solution,
         progress: &dyn Progress,
     ) -> Option<Result<Model, Error>> {
         let again = || {
@@ -269,7 +269,7 @@ impl Method for Sindy {
     fn same_terms(
         &self,
         data: Data<'_, EquationTask>,
-        solution: &Found,
+        solution: &Solution,
         progress: &dyn Progress,
     ) -> Result<Model, Error> {
         let mut notes = Vec::new();
@@ -299,7 +299,7 @@ impl Method for Sindy {
         &self,
         _: Data<'_, EquationTask>,
         evidence: &Evidence,
-        solution: &mut Found,
+        solution: &mut Solution,
         refinement: &mut Refinement,
     ) -> Result<(), Error> {
         if refinement.written {
@@ -314,7 +314,7 @@ impl Method for Sindy {
         task.row_functions().into_iter().chain(self.label.as_deref().map(Expr::column)).collect()
     }
 
-    fn facts(&self, _: Data<'_, EquationTask>, evidence: &Evidence, _: &Found) -> RowFacts {
+    fn facts(&self, _: Data<'_, EquationTask>, evidence: &Evidence, _: &Solution) -> RowFacts {
         let counts = evidence.scan.counts();
         let labels = evidence.task.fitted.iter().map(|equation| equation.label.clone());
         RowFacts {
@@ -328,7 +328,7 @@ impl Method for Sindy {
         &self,
         _: Data<'_, EquationTask>,
         evidence: &Evidence,
-        solution: Found,
+        solution: Solution,
         summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<SindyReport>, Error> {
@@ -349,8 +349,10 @@ impl Method for Sindy {
         report.summary.notes.extend(worse);
         let shares = report.regions.iter().flat_map(|region| &region.equations);
         let shares = shares.map(|equation| (equation.label.clone(), 1.0 - equation.held_out_r2));
-        let poor = no_better("predicted", shares.collect::<Vec<_>>());
-        report.summary.notes.extend(poor);
+        let shares: Vec<(String, f64)> = shares.collect();
+        let summary = &mut report.summary;
+        summary.verdict = verdict("predicted", shares.iter().cloned(), summary.by_time.as_ref());
+        summary.notes.extend(no_better("predicted", shares));
         let rivals = match (self.front, solution.regions.as_slice()) {
             (true, [region]) => front_models(evidence, region, &solution.provenance),
             _ => Vec::new(),
@@ -407,13 +409,13 @@ fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance)
     sizes.into_iter().map(model).collect()
 }
 
-fn report(evidence: &Evidence, options: &SindyOptions, solution: &Found, mut summary: FitSummary) -> SindyReport {
+fn report(evidence: &Evidence, options: &SindyOptions, solution: &Solution, mut summary: FitSummary) -> SindyReport {
     let (task, scan, regions) = (&evidence.task, &evidence.scan, &solution.regions);
     let chosen = chosen(regions);
     let (folds, fold_rule) = (solution.folds.0, solution.folds.1.as_deref());
     let clusters = if evidence.episodes.len() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
     let described = regions.iter().enumerate().map(|(region, solved)| {
-        // What a bound holds is no estimate.
+        // A coefficient at its bound is no estimate.
         let supports: Vec<Vec<usize>> =
             solved.iter().enumerate().map(|(target, equation)| limits::loose(task, target, equation)).collect();
         let b = chosen[region].as_ref();

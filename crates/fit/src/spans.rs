@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn halos_end_at_the_span_and_every_nth_row_is_read() {
+    fn halos_end_at_the_span() {
         let inner = source();
         let spans = Spans::new(&inner, vec![(0, 20..75), (1, 3..3), (1, 0..7)], 10).unwrap();
         let rows: Vec<usize> = spans.episodes().iter().map(|episode| episode.rows).collect();
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_episodes_keep_their_identity_and_parts_have_their_own() {
+    fn parts_of_episodes_have_separate_identities() {
         let inner = source();
         let whole = Spans::new(&inner, vec![(0, 0..101), (1, 0..7)], 1).unwrap();
         assert_eq!(whole.episodes(), inner.episodes());
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_rows_are_those_of_the_last_episodes() {
+    fn last_rows_match_last_episodes() {
         let inner = source();
         // 108 rows, of which a fifth is 21: all seven of the second episode, and 14 of the first.
         let (train, test) = Spans::last(&inner, 5, 3).unwrap();
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn folds_are_episodes_where_there_are_enough_and_spans_else() {
+    fn folds_are_episodes_or_spans() {
         let inner = source();
         // Two episodes are few: six spans of each for two folds.
         let (spans, folds) = Spans::folds(&inner, 2, 0).unwrap();

@@ -74,7 +74,7 @@ pub struct Sums {
 }
 
 /// A model, and its report.
-pub struct Found {
+pub struct Solution {
     value: Option<String>,
     model: Model,
     report: SparseReport,
@@ -87,7 +87,7 @@ impl Method for Sparse {
     type Report = SparseReport;
     type Task = StructuredTask;
     type Sums = Sums;
-    type Found = Found;
+    type Solution = Solution;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
         radial::refuse(recipe, "fit sparse")?;
@@ -149,7 +149,7 @@ impl Method for Sparse {
         refuse_other_rows(recipe, scanned)?;
         if says_nothing {
             let (mut task, _) = file.task()?;
-            task.say(recipe.sparse.clone());
+            task.override_with(recipe.sparse.clone());
             return Ok(task);
         }
         let mut recipe = recipe.clone();
@@ -199,7 +199,7 @@ impl Method for Sparse {
         sums: &Sums,
         _: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<Vec<Found>, Error> {
+    ) -> Result<Vec<Solution>, Error> {
         let evidence = Evidence { method: self, data, sums };
         let all: BTreeSet<EpisodeId> = sums.file.episodes.iter().map(|episode| episode.id).collect();
         let mut fitted = Vec::new();
@@ -227,12 +227,12 @@ impl Method for Sparse {
         Ok(fitted)
     }
 
-    fn model(solution: &Found) -> &Model {
+    fn model(solution: &Solution) -> &Model {
         &solution.model
     }
 
     /// One step alone is fitted, whose coefficients stay.
-    fn refine(&self, _: Data<'_, StructuredTask>, _: &Sums, _: &mut Found, _: &mut Refinement) -> Result<(), Error> {
+    fn refine(&self, _: Data<'_, StructuredTask>, _: &Sums, _: &mut Solution, _: &mut Refinement) -> Result<(), Error> {
         Ok(())
     }
 
@@ -240,7 +240,7 @@ impl Method for Sparse {
         row_expressions(task).cloned().collect()
     }
 
-    fn facts(&self, _: Data<'_, StructuredTask>, _: &Sums, solution: &Found) -> RowFacts {
+    fn facts(&self, _: Data<'_, StructuredTask>, _: &Sums, solution: &Solution) -> RowFacts {
         solution.facts.clone()
     }
 
@@ -248,7 +248,7 @@ impl Method for Sparse {
         &self,
         _: Data<'_, StructuredTask>,
         _: &Sums,
-        solution: Found,
+        solution: Solution,
         mut summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<SparseReport>, Error> {
@@ -292,7 +292,7 @@ impl Evidence<'_> {
         value: Option<String>,
         episodes: &BTreeSet<EpisodeId>,
         progress: &dyn Progress,
-    ) -> Result<Found, Error> {
+    ) -> Result<Solution, Error> {
         let (options, file, recipe) = (&self.method.options, &*self.sums.file, self.data.recipe);
         let left_out = self.method.request.influence;
         let wanted = |key: &Key| episodes.contains(&key.episode);
@@ -352,7 +352,7 @@ impl Evidence<'_> {
             concentrated: self.concentrated(),
         };
         let report = SparseReport::new(&problem, lambda, &support, (&theta, errors.as_deref()))?;
-        Ok(Found { value, model, report: SparseReport { influence, tasks, limits, ..report }, facts, notes })
+        Ok(Solution { value, model, report: SparseReport { influence, tasks, limits, ..report }, facts, notes })
     }
 
     /// Of every fitted equation, the few rows that hold most of its target's variance, where they do.

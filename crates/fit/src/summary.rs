@@ -31,4 +31,7 @@ pub struct FitSummary {
     pub by_time: Option<ByTime>,
     /// Notes for the user.
     pub notes: Vec<String>,
+    /// Held-out errors in one sentence; `None` without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<String>,
 }

@@ -3,7 +3,9 @@
 use fleetfoot_data::setting::{FIT_NARX, LAGS};
 use fleetfoot_model::{Model, Prediction};
 
-use crate::baselines::TargetBaselines;
+use fleetfoot_report::words::ratio;
+
+use crate::{baselines::TargetBaselines, by_time::ByTime};
 
 /// Commands that find what is wrong where nothing is predicted.
 pub(crate) const NEXT: &str =
@@ -45,16 +47,63 @@ pub(crate) fn worse_than_persistence(
     })
 }
 
+/// The last sentence of a fit: held-out errors over those of the mean (roots of the shares of the variance), the
+/// worse of the folds and of the last rows. `None` without a held-out error.
+pub(crate) fn verdict(
+    what: &str,
+    targets: impl IntoIterator<Item = (String, f64)>,
+    by_time: Option<&ByTime>,
+) -> Option<String> {
+    let last = |name: &str| by_time.into_iter().flat_map(|errors| &errors.targets).find(|error| error.target == name);
+    let worse = |(name, share): (String, f64)| {
+        let share = last(&name).map_or(share, |error| share.max(error.share));
+        (name, share.max(0.0).sqrt())
+    };
+    let mut errors: Vec<(String, f64)> =
+        targets.into_iter().map(worse).filter(|(_, error)| error.is_finite()).collect();
+    errors.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let word = |(name, error): &(String, f64)| format!("{} ({name})", ratio(*error));
+    let range = match errors.as_slice() {
+        [] => return None,
+        [one] => word(one),
+        [least, .., most] => format!("{} to {}", word(least), word(most)),
+    };
+    let poor: Vec<&str> = errors.iter().filter(|(_, error)| *error >= 1.0).map(|(name, _)| name.as_str()).collect();
+    let judged = match poor.as_slice() {
+        [] => String::new(),
+        poor => format!("; no better than the mean in {}", poor.join(", ")),
+    };
+    Some(format!(
+        "Verdict: rows that did not train are {what} with an error of {range} times that of the mean{judged}."
+    ))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::no_better;
+    use super::{no_better, verdict};
 
     #[test]
-    fn targets_that_the_mean_predicts_as_well_are_named() {
+    fn verdict_names_the_least_and_the_largest_error() {
+        let of = |shares: &[(&str, f64)]| verdict("predicted", shares.iter().map(|&(n, s)| (n.to_owned(), s)), None);
+        assert_eq!((of(&[]), of(&[("a", f64::NAN)])), (None, None));
+        let one = of(&[("a", 0.25)]).unwrap_or_default();
+        assert_eq!(
+            one,
+            "Verdict: rows that did not train are predicted with an error of 0.500 (a) times that of the mean."
+        );
+        let three = of(&[("a", 0.25), ("b", 1.44), ("c", 0.01)]).unwrap_or_default();
+        assert!(
+            three.contains("0.100 (c) to 1.200 (b)") && three.ends_with("no better than the mean in b."),
+            "{three}"
+        );
+    }
+
+    #[test]
+    fn targets_without_gain_are_named() {
         let of = |shares: [f64; 2]| no_better("predicted", [("a".to_owned(), shares[0]), ("b".to_owned(), shares[1])]);
         assert_eq!((of([0.5, 0.99]), of([f64::NAN, 0.2])), (None, None));
-        let said = of([0.5, 1.2]).unwrap_or_default();
-        assert!(said.contains("by their mean: b (1.200 of the variance);"), "{said}");
-        assert!(of([f64::INFINITY, 0.5]).is_some_and(|said| said.contains("a (inf")));
+        let note = of([0.5, 1.2]).unwrap_or_default();
+        assert!(note.contains("by their mean: b (1.200 of the variance);"), "{note}");
+        assert!(of([f64::INFINITY, 0.5]).is_some_and(|note| note.contains("a (inf")));
     }
 }

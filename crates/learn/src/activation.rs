@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_and_derivatives_are_those_of_the_formulas() {
+    fn values_and_derivatives_match_formulas() {
         let places: Vec<f64> = (-4000..=4000).map(|i| f64::from(i) * 0.011).chain([1e-9, -1e-300, 0.0]).collect();
         type Formula = fn(f64) -> f64;
         let formulas: [(Activation, Formula); 3] = [

@@ -79,7 +79,7 @@ mod tests {
 
     /// Rosenbrock's valley, whose minimum is known.
     #[test]
-    fn it_finds_the_minimum_of_a_valley() {
+    fn descent_reaches_the_valleys_minimum() {
         let mut last = Vec::new();
         let valley = |x: &[f64]| {
             let (a, b) = (1.0 - x[0], x[1] - x[0] * x[0]);

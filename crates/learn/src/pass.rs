@@ -70,14 +70,14 @@ pub fn statistic(
             let (x, y, rows) = samples.tile(tile);
             layers.forward(parameters, x);
             let (ones, rest) = columns.split_at_mut(TILE);
-            let (own_x, rest) = rest.split_at_mut(inputs * TILE);
-            let (own_h, own_y) = rest.split_at_mut(features * TILE);
+            let (x_columns, rest) = rest.split_at_mut(inputs * TILE);
+            let (feature_columns, y_columns) = rest.split_at_mut(features * TILE);
             ones.fill(0.0);
             ones[..rows].fill(1.0);
-            own_x.copy_from_slice(x);
-            own_h.copy_from_slice(layers.features());
-            own_h.chunks_exact_mut(TILE).for_each(|column| column[rows..].fill(0.0));
-            own_y.copy_from_slice(y);
+            x_columns.copy_from_slice(x);
+            feature_columns.copy_from_slice(layers.features());
+            feature_columns.chunks_exact_mut(TILE).for_each(|column| column[rows..].fill(0.0));
+            y_columns.copy_from_slice(y);
             sums.add(&columns, rows);
         }
         sums
@@ -114,16 +114,16 @@ pub fn slope(
             for (t, (column, y)) in errors.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)).enumerate() {
                 column.iter_mut().zip(y).for_each(|(error, y)| *error = output[(0, t)] - y);
             }
-            let own_x = MatRef::from_column_major_slice(x, TILE, inputs);
-            let own_h = MatRef::from_column_major_slice(layers.features(), TILE, features);
+            let inputs_matrix = MatRef::from_column_major_slice(x, TILE, inputs);
+            let features_matrix = MatRef::from_column_major_slice(layers.features(), TILE, features);
             let mut residuals = MatMut::from_column_major_slice_mut(&mut errors, TILE, targets);
-            matmul(residuals.as_mut(), Accum::Add, own_x, output.subrows(1, inputs), 1.0, Par::Seq);
-            matmul(residuals.as_mut(), Accum::Add, own_h, weights, 1.0, Par::Seq);
+            matmul(residuals.as_mut(), Accum::Add, inputs_matrix, output.subrows(1, inputs), 1.0, Par::Seq);
+            matmul(residuals.as_mut(), Accum::Add, features_matrix, weights, 1.0, Par::Seq);
             errors.chunks_exact_mut(TILE).for_each(|column| column[rows..].fill(0.0));
             sum.loss += 0.5 * errors.iter().map(|error| error * error).sum::<f64>();
             let residuals = MatRef::from_column_major_slice(&errors, TILE, targets);
             let to = MatMut::from_column_major_slice_mut(&mut sum.weights, features, targets);
-            matmul(to, Accum::Add, own_h.transpose(), residuals, 1.0, Par::Seq);
+            matmul(to, Accum::Add, features_matrix.transpose(), residuals, 1.0, Par::Seq);
             let to = MatMut::from_column_major_slice_mut(&mut slopes, TILE, features);
             matmul(to, Accum::Replace, residuals, weights.transpose(), 1.0, Par::Seq);
             layers.backward(parameters, x, &slopes, &mut sum.hidden);

@@ -74,7 +74,7 @@ impl Best<'_> {
         let (output, ridge, loss) = least.ok_or(Error::Diverged)?;
         self.since += 1;
         if loss < self.trained.loss {
-            // What is hardly better is kept, but does not prolong the training.
+            // A small improvement is kept, but does not prolong the training.
             if loss < self.trained.loss * (1.0 - 1e-4) {
                 self.since = 0;
             }
@@ -93,7 +93,7 @@ pub fn train(
     shape: &Shape,
     fitted: &Samples,
     held: &Samples,
-    how: &Training,
+    training: &Training,
     progress: &dyn Progress,
 ) -> Result<Trained, Error> {
     shape.check()?;
@@ -106,27 +106,27 @@ pub fn train(
             return Err(Error::TooFewRows { rows, least });
         }
     }
-    let mut parameters = shape.initial(how.seed);
+    let mut parameters = shape.initial(training.seed);
     let trained =
         Trained { parameters: parameters.clone(), ridge: 0.0, loss: f64::INFINITY, linear: 0.0, done: (0, 0) };
     let mut best = Best { shape, samples: [fitted, held], progress, trained, since: 0 };
     let [sums, held_sums] = best.sums(&parameters)?;
     best.trained.linear = held_sums.linear().error(&sums.linear().solve(0.0)?);
     let (mut output, _) = best.see(&parameters)?;
-    adam(&mut best, &mut parameters, &mut output, how)?;
-    polish(&mut best, how)?;
+    adam(&mut best, &mut parameters, &mut output, training)?;
+    polish(&mut best, training)?;
     Ok(best.trained)
 }
 
 /// Adam over mini-batches: the hidden layers and the weights of their features move, the linear map stays; after each pass the output layer is solved anew.
-fn adam(best: &mut Best<'_>, parameters: &mut [f64], output: &mut Output, how: &Training) -> Result<(), Error> {
+fn adam(best: &mut Best<'_>, parameters: &mut [f64], output: &mut Output, training: &Training) -> Result<(), Error> {
     let (shape, fitted) = (best.shape, best.samples[0]);
     let (head, targets) = (1 + fitted.inputs, fitted.targets);
     let mut optimiser = Adam::new(shape.parameters() + shape.features() * targets);
-    let batch = how.batch.max(1);
-    for epoch in 0..how.epochs {
-        let rate = how.rate * 0.5 * (1.0 + (std::f64::consts::PI * epoch as f64 / how.epochs as f64).cos());
-        for tiles in shuffled(fitted.tiles(), mix(how.seed).wrapping_add(epoch as u64)).chunks(batch) {
+    let batch = training.batch.max(1);
+    for epoch in 0..training.epochs {
+        let rate = training.rate * 0.5 * (1.0 + (std::f64::consts::PI * epoch as f64 / training.epochs as f64).cos());
+        for tiles in shuffled(fitted.tiles(), mix(training.seed).wrapping_add(epoch as u64)).chunks(batch) {
             let slopes = slope(shape, parameters, output, (fitted, tiles), best.progress)?;
             let rows: usize = tiles.iter().map(|&tile| fitted.tile(tile).2).sum();
             let gradient = slopes.hidden.iter().chain(&slopes.weights).map(|entry| entry / rows as f64);
@@ -137,11 +137,11 @@ fn adam(best: &mut Best<'_>, parameters: &mut [f64], output: &mut Output, how: &
         best.trained.done.0 = epoch + 1;
         match best.see(parameters) {
             Ok((solved, _)) => *output = solved,
-            // What diverged is left where it was best.
+            // A diverging training stops at its best state.
             Err(Error::Diverged) => break,
             Err(error) => return Err(error),
         }
-        if best.since > how.patience {
+        if best.since > training.patience {
             break;
         }
     }
@@ -149,7 +149,7 @@ fn adam(best: &mut Best<'_>, parameters: &mut [f64], output: &mut Output, how: &
 }
 
 /// L-BFGS on what the output layer leaves of all rows, with the ridge of the best network so far.
-fn polish(best: &mut Best<'_>, how: &Training) -> Result<(), Error> {
+fn polish(best: &mut Best<'_>, training: &Training) -> Result<(), Error> {
     let (shape, fitted, progress) = (best.shape, best.samples[0], best.progress);
     let (ridge, tiles) = (best.trained.ridge, (0..fitted.tiles()).collect::<Vec<_>>());
     let rows = fitted.rows as f64;
@@ -168,10 +168,10 @@ fn polish(best: &mut Best<'_>, how: &Training) -> Result<(), Error> {
         best.trained.done.1 += 1;
         match best.see(parameters) {
             Err(Error::Diverged) => Ok(false),
-            other => other.map(|_| best.since <= how.patience),
+            other => other.map(|_| best.since <= training.patience),
         }
     };
-    descent::descend(start, how.steps, evaluate, after)
+    descent::descend(start, training.steps, evaluate, after)
 }
 
 /// `0..count` in an order that the key decides.

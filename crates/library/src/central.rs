@@ -143,7 +143,7 @@ impl CentralDifference {
             if form.is_some() {
                 return form;
             }
-            // What is differentiated is the first thing that the difference speaks of and that is no weight.
+            // The differentiated expression is the first argument of the difference that is no weight.
             node = match node.node() {
                 Node::Binary(_, a, b) => {
                     if speaks_of_columns(a) {

@@ -63,7 +63,7 @@ impl Filter {
             FilterKind::Lag1Slope | FilterKind::DelaySlope => Expr::number(f64::NAN),
         };
         let through = match of_input.as_number() {
-            // What does not change passes a lag and a delay as it is, and has no slope.
+            // A constant passes a lag and a delay unchanged, and has no slope.
             Some(value) if matches!(self.kind, FilterKind::Lag1 | FilterKind::Delay) => Expr::number(value),
             Some(_) => Expr::number(0.0),
             None => Self { input: of_input, ..self.clone() }.column(),

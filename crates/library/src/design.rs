@@ -116,7 +116,7 @@ impl Design {
         out.at_border = (rows.len() - count) as u64;
         out.incomplete = 0;
         out.index.clear();
-        // What is left of the last tile is overwritten.
+        // Old values of the last tile are overwritten.
         out.values.resize(count * self.outputs(), 0.0);
         if count == 0 {
             return true;

@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn wrap_stays_in_its_interval_and_keeps_the_angle() {
+    fn wrap_keeps_interval_and_angle() {
         assert_eq!(wrap(PI), PI);
         assert_eq!(wrap(-PI), PI);
         assert_eq!(wrap(0.25), 0.25);

@@ -319,7 +319,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_missing_value_is_detected_at_any_row() {
+    fn missing_value_is_detected_at_any_row() {
         for length in [1, 7, 64, 101] {
             let mut values: Vec<f64> = (0..length).map(|i| f64::from(i - 50)).collect();
             assert!(all_within(&values, 51.0));

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outermost_part_is_replaced_whatever_its_lag() {
+    fn outermost_part_is_replaced_at_any_lag() {
         let (speed, field) = (parse("sqrt(a^2 + b^2)"), parse("a"));
         let replace = |part: &Expr| {
             let of = |other: &Expr, name: &str| Some(Expr::lagged(name, part.lag_behind(other)?));

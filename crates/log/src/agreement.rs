@@ -17,7 +17,7 @@ use crate::{
 /// # Errors
 /// Two files of which no unit fits both.
 pub(crate) fn agreed(logs: &[Log], selection: &Selection, progress: &dyn Progress) -> Result<Agreed, Error> {
-    let is_told = matches!(selection.time, TimeSpec::Uniform { .. } | TimeSpec::Column { unit: Some(_), .. });
+    let has_unit = matches!(selection.time, TimeSpec::Uniform { .. } | TimeSpec::Column { unit: Some(_), .. });
     // The files of a run are on one clock.
     let each = logs.iter().flat_map(|log| match log {
         Log::Run(run) => {
@@ -29,13 +29,13 @@ pub(crate) fn agreed(logs: &[Log], selection: &Selection, progress: &dyn Progres
     if logs.len() < 2 {
         return Ok(Agreed::default());
     }
-    // What cannot be read is told when it is opened.
+    // Unreadable files are reported when they are opened.
     let clocks = parallel_map(logs.len(), progress, |at| Ok::<_, Error>(clock(&logs[at].0, logs[at].1)))?;
     let mut columns: BTreeMap<String, Vec<(PathBuf, Clock)>> = BTreeMap::new();
     let mut dates: BTreeMap<String, Vec<(DateOrder, Fit)>> = BTreeMap::new();
     for ((log, _), (clock, candidate)) in logs.iter().zip(clocks) {
         candidate.into_iter().for_each(|(name, order)| dates.entry(name).or_default().push(order));
-        if let Some(clock) = clock.filter(|_| !is_told) {
+        if let Some(clock) = clock.filter(|_| !has_unit) {
             columns.entry(clock.name.clone()).or_default().push((log.path().to_path_buf(), clock));
         }
     }
@@ -104,7 +104,7 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
         units.next().filter(|unit| units.all(|other| other == *unit))
     };
     Ok(common.and_then(|(_, units)| match units[..] {
-        // What every file leaves in doubt stays a note of each.
+        // A unit that every file leaves in doubt stays a note of each file.
         [unit] => Some(unit).filter(|_| !files.iter().all(|(_, clock)| clock.doubt().is_some())),
         _ => hint().filter(|unit| units.contains(unit)),
     }))

@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_break_parts_samples_that_lie_further_apart_than_usual() {
+    fn breaks_separate_distant_samples() {
         let breaks = Breaks::new(&[1000, 2000], 500);
         assert_eq!(breaks.moments(), [500, 1500]);
         for (from, to, expected) in [

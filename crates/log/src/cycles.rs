@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn the_next_day_begins_where_the_time_goes_back() {
+    fn backward_time_begins_the_next_day() {
         let hours = [22, 23, 0, 1, 23, 22, 0].map(|hour| hour * 3600 * SECOND);
         let days = passed(&hours).0.iter().map(|stamp| stamp / (3600 * SECOND)).collect::<Vec<_>>();
         assert_eq!(days, [22, 23, 24, 25, 47, 46, 48]);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn any_rows_are_those_of_the_pass() {
+    fn row_ranges_match_the_pass() {
         let stamps: Vec<i64> = (0..90).map(|row| (row * 7 % 24) * 3600 * SECOND + row).collect();
         let (all, days) = passed(&stamps);
         let mut cycles = Cycles::new(Cycle::Day);
@@ -219,14 +219,14 @@ mod tests {
     }
 
     #[test]
-    fn days_beyond_what_nanoseconds_hold_are_missing() {
+    fn days_beyond_nanoseconds_are_missing() {
         let hours: Vec<i64> = (0..300_000).map(|row| if row % 2 == 0 { 23 } else { 1 } * 3600 * SECOND).collect();
         let (stamps, _) = passed(&hours);
         assert_eq!((stamps[1], stamps[299_999]), (25 * 3600 * SECOND, MISSING));
     }
 
     #[test]
-    fn a_counter_wraps_where_the_step_is_a_usual_one() {
+    fn counter_wraps_at_usual_steps() {
         let counted = |ticks: &[i64]| {
             let mut cycles = Cycles::new(Cycle::Counter(TimeUnit::Milliseconds));
             let stamps = ticks.iter().map(|tick| tick * 1_000_000).collect::<Vec<_>>();

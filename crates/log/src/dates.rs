@@ -100,7 +100,7 @@ pub(crate) fn parse(text: &[u8], order: DateOrder) -> Option<i64> {
 /// The same; without an order, dates whose form needs one are none.
 fn parse_in(text: &[u8], order: Option<DateOrder>) -> Option<i64> {
     let text = text.trim_ascii();
-    // What is no date is told by its length or its first letter; most cells that come here are numbers or words.
+    // Length or first letter rule out most other cells, which are numbers or words.
     if text.len() < 6 || text.len() > 40 || !text.first().is_some_and(|first| first.is_ascii_digit() || *first == b'-')
     {
         return None;

@@ -144,7 +144,7 @@ fn start(path: &Path, compression: Compression) -> Vec<u8> {
         },
     };
     let mut start = Vec::new();
-    // What was read before an error stays.
+    // Bytes that were read before an error stay.
     let _ = file.take(16).read_to_end(&mut start);
     start
 }

@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_is_cut_at_gaps_and_backward_stamps_as_a_file_is() {
+    fn tables_are_cut_like_files() {
         let stamps = vec![1_000, 2_000, 3_000, 9_000_000, 9_001_000, 9_001_000, 9_002_000, 500, 1_500, i64::MIN, 2_500];
         let selection = Selection { max_gap: MaxGap::Seconds(1.0), ..Selection::new(["x"]) };
         let recording = open_logs(&[two("first", stamps), two("other", vec![0, 1, 2])], &selection, &Silent).unwrap();

@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn written_metadata_is_found() {
+    fn written_metadata_is_read() {
         let folder = tempfile::tempdir().unwrap();
         let pairs = BTreeMap::from([("world".to_owned(), "a = 1\n".to_owned()), ("run".to_owned(), "3".to_owned())]);
         let path = folder.path().join("a.mcap");

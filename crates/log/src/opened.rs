@@ -15,7 +15,7 @@ pub(crate) struct Opened {
     pub time_column: Option<String>,
     /// The way in which its stamps may begin anew.
     pub cycle: Cycle,
-    /// Who chose that column.
+    /// Origin of the choice of that column.
     pub chosen: Chosen,
     pub notes: Vec<String>,
     /// Kind of its messages' stamps that was used, for a robot's log.

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rosbag2_folder_is_one_recording_and_converted_copies_come_once() {
+    fn rosbag2_folder_is_one_recording() {
         let folder =
             folder(&["runs/bag/a.mcap", "runs/bag/b.mcap", "runs/c.mcap", "old/x.bag", "old/y.bag", "db/z.db3"]);
         let root = folder.path();

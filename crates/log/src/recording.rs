@@ -137,9 +137,9 @@ pub(crate) fn open_agreed(
     let opened = parallel_map(logs.len(), progress, |i| {
         let opened = match &logs[i] {
             Log::Run(run) => {
-                let open = |path: &Path, asked: &Selection| {
-                    let opened = open_file(path, &[], asked, agreed, &budget, &cache, &inner)?;
-                    index_file(path, &opened, asked, &inner)?;
+                let open = |path: &Path, run_selection: &Selection| {
+                    let opened = open_file(path, &[], run_selection, agreed, &budget, &cache, &inner)?;
+                    index_file(path, &opened, run_selection, &inner)?;
                     Ok(opened)
                 };
                 return run::open(run, &selection, &open, &budget, &inner);

@@ -114,8 +114,8 @@ fn components(columns: &[TableColumn], name: &str) -> Option<[usize; 4]> {
     let stem = name.strip_suffix(['x', 'y', 'z', 'w'])?;
     let mut places = [0; 4];
     for (place, letter) in places.iter_mut().zip(["x", "y", "z", "w"]) {
-        let is_own = |column: &TableColumn| column.column.name.strip_prefix(stem) == Some(letter);
-        *place = columns.iter().position(is_own)?;
+        let is_component = |column: &TableColumn| column.column.name.strip_prefix(stem) == Some(letter);
+        *place = columns.iter().position(is_component)?;
     }
     Some(places)
 }

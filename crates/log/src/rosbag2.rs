@@ -215,10 +215,11 @@ mod tests {
                            compression_format: zstd\n  compression_mode: FILE\n  topics_with_message_count: []\n";
         let folder = bag(&["a_0.mcap.zstd", "b_1.mcap", "c.mcap.zstd", "unlisted.mcap"], information);
         let files = files(folder.path()).unwrap();
-        let names: Vec<_> = files.into_iter().map(|(path, how)| (path.file_name().unwrap().to_owned(), how)).collect();
+        let names: Vec<_> =
+            files.into_iter().map(|(path, storage)| (path.file_name().unwrap().to_owned(), storage)).collect();
         let expected =
             [("b_1.mcap", Compression::None), ("a_0.mcap.zstd", Compression::Zstd), ("c.mcap.zstd", Compression::Zstd)];
-        assert_eq!(names, expected.map(|(name, how)| (name.into(), Storage::Mcap(how))));
+        assert_eq!(names, expected.map(|(name, compression)| (name.into(), Storage::Mcap(compression))));
         assert_eq!(Format::of(folder.path()), Some(Format::Rosbag2));
     }
 

@@ -155,13 +155,13 @@ pub(crate) fn open(
         return Err(Error::RunWithoutClock { path: folder.into() });
     }
     let names = Names::new(run.topics(), &[]);
-    let asked = selection.columns.iter().map(|name| run.locate(&names, name)).collect::<Result<Vec<_>, _>>()?;
+    let located = selection.columns.iter().map(|name| run.locate(&names, name)).collect::<Result<Vec<_>, _>>()?;
     let base = match &selection.join.base {
         Some(Base::Rate(_)) => None,
         Some(Base::Channel(name)) => Some(run.locate(&names, name)?.0),
-        None => asked.first().map(|(topic, _)| *topic),
+        None => located.first().map(|(topic, _)| *topic),
     };
-    let mut used: Vec<usize> = asked.iter().map(|(topic, _)| *topic).chain(base).collect();
+    let mut used: Vec<usize> = located.iter().map(|(topic, _)| *topic).chain(base).collect();
     used.sort_unstable();
     used.dedup();
     if used.is_empty() {
@@ -171,10 +171,10 @@ pub(crate) fn open(
     let (mut series, mut columns, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for &topic in &used {
         let (name, path) = &run.files[topic];
-        let asked_columns = asked.iter().filter(|(at, _)| *at == topic).map(|(_, column)| *column);
+        let topic_columns = located.iter().filter(|(at, _)| *at == topic).map(|(_, column)| *column);
         let selection_of_file = Selection {
             time: clock_of(&selection.time).clone(),
-            columns: asked_columns.map(str::to_owned).collect(),
+            columns: topic_columns.map(str::to_owned).collect(),
             ..selection.clone()
         };
         let is_slerp = |column: &str| {
@@ -196,7 +196,7 @@ pub(crate) fn open(
         series.push(rows);
     }
     let place = |topic: usize| used.iter().position(|&used_topic| used_topic == topic).unwrap_or_default();
-    let joins: Vec<(usize, JoinColumn)> = asked
+    let joins: Vec<(usize, JoinColumn)> = located
         .iter()
         .zip(&selection.columns)
         .map(|((topic, _), name)| {
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_a_run_however_deep_its_files_lie() {
+    fn deep_folder_is_a_run() {
         let files = ["r/2/imu_7.csv", "r/2/odom/data.csv", "r/1/imu.csv", "r/1/odom/data.csv", "r/1/plots/sum.csv"];
         let (runs, others) = group(&files, &[("imu", "imu*.csv"), ("odom", "odom/*.csv")]).unwrap();
         let files_of_run: Vec<(&str, &str)> =

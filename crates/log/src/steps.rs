@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn bursts_have_a_period_and_pauses_have_none() {
+    fn only_bursts_have_a_period() {
         let period = |steps: Vec<u64>| {
             let mut all = Steps::default();
             steps.into_iter().for_each(|step| all.push(step));

@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_pushed_together_are_those_pushed_one_by_one() {
+    fn batched_rows_equal_single_rows() {
         let rows = SEGMENT + 5000;
         let stamps: Vec<i64> = (0..rows as i64).map(|row| row * 3).collect();
         let columns: Vec<Vec<f64>> = [1.0, -1.0].map(|sign| (0..rows).map(|row| sign * row as f64).collect()).into();

@@ -50,7 +50,7 @@ pub(crate) struct Clock {
     pub unit: ClockUnit,
     /// Kind of its cells.
     pub kind: CandidateKind,
-    /// Who chose the column.
+    /// Origin of the choice of the column.
     pub chosen: Chosen,
 }
 
@@ -65,7 +65,7 @@ pub(crate) enum ClockUnit {
     Seconds(Vec<Reading>),
 }
 
-/// Who chose the column of a clock.
+/// Origin of the choice of the column of a clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Chosen {
     /// The caller.

@@ -203,7 +203,7 @@ fn scrap() -> (tempfile::TempDir, PathBuf) {
 }
 
 #[test]
-fn every_cut_is_read_up_to_it() {
+fn truncated_files_are_read_to_the_cut() {
     let _turn = alone();
     let (_folder, path) = scrap();
     write(&path, 3200, true);
@@ -234,9 +234,9 @@ fn every_cut_is_read_up_to_it() {
         }
         // Telling all fields takes longer than reading some.
         if turn.is_multiple_of(48) {
-            let said = bounded(&format!("told of {length}"), || tells(&path));
+            let is_reported = bounded(&format!("told of {length}"), || tells(&path));
             assert!(
-                said || total(&content) == 3200,
+                is_reported || total(&content) == 3200,
                 "cut at {length}: {} messages, and no word about it",
                 total(&content)
             );
@@ -309,7 +309,7 @@ type Wanted = &'static [(&'static str, &'static [&'static str])];
 /// ROS 1 bags and databases of rosbag2: each cut, and each with changed bytes, everywhere. There are no checksums but those of lz4 and bz2, so
 /// that a changed number is a number; a cut file gives the messages before the cut.
 #[test]
-fn bags_and_databases_are_read_as_far_as_they_are_sound() {
+fn bags_and_databases_keep_sound_messages() {
     for name in ["none.bag", "lz4.bag", "bz2.bag", "plain.db3", "packed.db3"] {
         sweep(name, &ROSBAGS, 72, |_, _| false);
     }
@@ -325,7 +325,7 @@ const DATAFLASH: [(&str, &[&str]); 4] = [
 
 /// As bags; a cut between two messages is no damage that a file without an index could tell.
 #[test]
-fn logs_of_ardupilot_are_read_as_far_as_they_are_sound() {
+fn ardupilot_logs_keep_sound_messages() {
     sweep("flight.bin", &DATAFLASH, 125, |bytes, at| bytes[at..].starts_with(&[0xa3, 0x95]));
     sweep("flight.log", &DATAFLASH, 125, |bytes, at| bytes[at - 1] == b'\n');
 }
@@ -341,7 +341,7 @@ const WPILOG: [(&str, &[&str]); 5] = [
 
 /// As bags; a cut between two records is no damage that a file without an index could tell.
 #[test]
-fn logs_of_wpilib_are_read_as_far_as_they_are_sound() {
+fn wpilib_logs_keep_sound_messages() {
     sweep("robot.wpilog", &WPILOG, 246, |bytes, wanted| {
         let number = |at: usize, size: usize| (0..size).rev().fold(0, |all, k| all << 8 | usize::from(bytes[at + k]));
         let mut at = 12 + number(8, 4);
@@ -372,7 +372,7 @@ fn sweep(name: &str, wanted: Wanted, messages: usize, between: fn(&[u8], usize) 
         let length = if turn == 0 { bytes.len() - 1 } else { 16 + random.below(bytes.len() as u64 - 16) as usize };
         fs::write(&path, &bytes[..length]).unwrap();
         let what = format!("{name} cut at {length}");
-        // Where the tables or connections themselves are cut off the file is refused.
+        // A file without tables or connections is refused.
         if let Ok(content) = bounded(&what, || read(&path, wanted)) {
             assert!(is_part(&content, &truth), "{what}: invented values");
             partial += usize::from(total(&content) > 0);
@@ -422,7 +422,7 @@ fn read_table(path: &Path) -> Result<(Table, Vec<String>), Error> {
 /// Arrays of NumPy and MATLAB that `tests/peers/write_arrays.py` wrote (40 rows), cut and changed everywhere. Archives have checksums, so that what
 /// they give is the truth; a cut array gives its first rows.
 #[test]
-fn arrays_are_read_as_far_as_they_are_sound() {
+fn arrays_keep_sound_rows() {
     let _turn = alone();
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/arrays");
     let folder = tempfile::tempdir().unwrap();

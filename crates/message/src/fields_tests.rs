@@ -51,7 +51,7 @@ fn fields_come_in_schema_order_with_their_keys() {
 }
 
 #[test]
-fn names_that_would_not_read_back_give_way_to_places() {
+fn ambiguous_names_become_indices() {
     let mut tree = FieldTree::default();
     let names = ["7", "", "a]b", "ok"];
     tree.add(&object(vec![
@@ -62,7 +62,7 @@ fn names_that_would_not_read_back_give_way_to_places() {
 }
 
 #[test]
-fn only_x_y_z_w_of_real_numbers_is_a_rotation() {
+fn only_real_xyzw_is_a_rotation() {
     let quaternion = |last: Value| {
         let mut tree = FieldTree::default();
         let parts = ["x", "y", "z"].map(|name| (name, Value::Float(0.0)));
@@ -182,7 +182,7 @@ proptest! {
     }
 
     #[test]
-    fn every_path_reads_back_and_finds_its_value(message in message()) {
+    fn paths_read_back_and_reach_values(message in message()) {
         // Of two elements with one name only the last can be looked up.
         prop_assume!(!repeats_a_name(&message));
         let mut tree = FieldTree::default();

@@ -172,7 +172,7 @@ impl Wanted {
                         }
                     }
                 }
-                // Whether this is a struct, only the message tells: elsewhere its wanted stamp is never met.
+                // Only the message tells if this is a struct: elsewhere its wanted stamp is never met.
                 if place < keyed {
                     node.want_stamp();
                 }
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn elements_are_keyed_by_their_own_name_and_carry_their_own_stamp() {
+    fn elements_have_separate_names_and_stamps() {
         let transform = |child: &str, sec, x| {
             object(vec![
                 ("header", object(vec![("stamp", seconds(sec)), ("frame_id", Value::Text("odom".into()))])),
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_does_not_fit_is_no_stamp() {
+    fn overflowing_time_is_no_stamp() {
         let huge = object(vec![("stamp", object(vec![("seconds", Value::Int(i64::MAX)), ("nanos", Value::Int(0))]))]);
         assert_eq!(stamp(&huge), None);
         assert_eq!(

@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn types_of_others_are_joined_with_those_of_the_standard_packages() {
+    fn definitions_join_the_standard_packages() {
         let text_of = |name: &str| match name {
             "my_msgs/msg/State" => Some("# the state\nHeader header\nPart[2] parts # two\nfloat64<=3 x".to_owned()),
             "my_msgs/msg/Part" => {

@@ -133,7 +133,7 @@ impl<'a> Closing<'a> {
         let looks_ahead = |expression: &Expr| expression.reads().iter().any(|(_, lag)| *lag < 0);
         match meaning {
             _ if self.driven.contains(&self.known.columns[column].name) => &Meaning::Given,
-            // What is recorded may be read ahead.
+            // Recorded columns may be read ahead.
             Meaning::Computed(e) | Meaning::Filter { input: e, .. } if !self.moving[column] && looks_ahead(e) => {
                 &Meaning::Given
             }
@@ -213,7 +213,7 @@ impl<'a> Closing<'a> {
         for equation in &mut closed.model.equations {
             match self.written_out(&equation.right) {
                 Ok(right) => equation.right = right,
-                // What is predicted of a recorded row may look at the rows around it.
+                // Predictions of recorded rows may look at the rows around them.
                 Err(_) if equation.prediction == Prediction::Value => {}
                 Err(error) => return Err(error),
             }

@@ -55,7 +55,7 @@ pub enum Rule {
     },
     /// Cells of another rule, several of which make a region: regions need be neither convex nor in one piece.
     Joined {
-        /// Whose regions the cells are; shared by all levels of a tree.
+        /// Rule of the cells; shared by all levels of a tree.
         cells: Arc<Rule>,
         /// The region of each cell.
         regions: Vec<u32>,
@@ -298,7 +298,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_column_of_labels_may_be_called_as_a_kind_of_regions() {
+    fn label_column_may_have_a_partitions_name() {
         let drawn = |text: &str| Partition { specification: text.into(), ..Partition::whole() }.is_drawn_by_targets();
         for text in ["refined:4", "lattice:3", "tree:2", "labels:surface+refined:3", "labels:a:b+tree:1"] {
             assert!(drawn(text), "{text}");
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn joined_cells_are_one_region_wherever_they_lie() {
+    fn joined_cells_are_one_region() {
         let cells = Arc::new(Rule::voronoi(vec![vec![-2.0], vec![0.0], vec![2.0]]));
         let rule = Rule::Joined { cells, regions: vec![1, 0, 1] };
         assert_eq!(rule.count(), 2);

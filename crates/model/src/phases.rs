@@ -164,7 +164,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn shares_are_those_of_the_counts() {
+    fn shares_match_counts() {
         let phases = phases();
         assert_eq!((phases.share(0, 0), phases.share(1, 1)), (0.75, 1.0));
         assert_eq!(phases.probabilities(0)[0][..2], [2.0 / 3.0, 1.0 / 3.0]);

@@ -46,12 +46,12 @@ pub fn describe(model: &Model, regions: usize) -> String {
     }
     let _ = writeln!(out, "\nequations");
     for equation in &model.equations {
-        let how = match equation.target_text() {
+        let suffix = match equation.target_text() {
             None => "  (given)".to_owned(),
             Some(target) if equation.prediction == Prediction::Derivative => format!("  (measured as {target})"),
             Some(_) => String::new(),
         };
-        let _ = writeln!(out, "  {} = {}{how}", equation.label(), equation.right);
+        let _ = writeln!(out, "  {} = {}{suffix}", equation.label(), equation.right);
     }
     let whole = |index: usize| model.partitions.len() > 1 && model.partitions[index].rule == Rule::Whole;
     for latent in model.latents.iter().filter(|latent| whole(latent.partition)) {
@@ -107,8 +107,8 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
         let columns: Vec<String> = partition.columns.iter().map(ToString::to_string).collect();
         let _ = writeln!(out, "  on {}", columns.join(", "));
     }
-    if let Some(how) = model.outside_in_words(index) {
-        let _ = writeln!(out, "  outside the training ranges of a region {how}");
+    if let Some(rule) = model.outside_in_words(index) {
+        let _ = writeln!(out, "  outside the training ranges of a region {rule}");
     }
     if let Some(lattice) = &partition.lattice {
         describe_joins(out, partition, lattice);

@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_and_dwells_are_those_of_the_counts() {
+    fn shares_and_dwells_match_counts() {
         // 0 0 0 1 1 0 2 2: the last row is followed by none.
         let transitions = Transitions { counts: vec![vec![2, 1, 1], vec![1, 1, 0], vec![0, 0, 1]] };
         assert_eq!(transitions.probability(0, 1), 0.25);

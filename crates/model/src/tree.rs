@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_follow_the_cuts_and_boxes_say_the_same() {
+    fn rows_follow_cuts_and_boxes() {
         let tree = tree();
         let of = |row: [f64; 2]| tree.region(|column| row[column]);
         assert_eq!([[0.0, 0.0], [-2.0, 2.0], [-1.0, 2.0], [1.0, 0.0]].map(of), [0, 1, 2, 3]);

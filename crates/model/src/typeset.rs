@@ -161,7 +161,7 @@ mod tests {
     use crate::{AffineMap, Column, Equation, Latent, Model, Prediction, Role, Training};
 
     #[test]
-    fn a_fitted_function_stands_in_its_equation_with_four_digits() {
+    fn fitted_functions_have_four_digits() {
         let column = Column::new("T", Role::State);
         let mut model = Model::new("sindy", vec![column], 0.1, Training::default());
         let temperature = Expr::column("T");
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(set.terms.len(), 2, "a zero is left out: {set:?}");
         assert_eq!(set.terms[0], "<mn>10</mn>");
         assert!(set.terms[1].starts_with("<mo form=\"infix\">\u{2212}</mo><mn>0.5123</mn>"), "{set:?}");
-        // Where nothing is left, nothing is what it is.
+        // A right side without terms is zero.
         assert_eq!(model.set_equation(&model.equations[0], 1).terms, ["<mn>0</mn>"]);
         assert!(model.set_latent(&model.latents[0], 0).left.contains("<mi>f</mi>"));
     }

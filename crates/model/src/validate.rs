@@ -51,9 +51,9 @@ impl Model {
                 let name = &self.columns[column].name;
                 self.equations.iter().find(|equation| equation.subject == *name).map(|equation| equation.prediction)
             };
-            let how: Vec<Option<Prediction>> = rotation.columns.iter().map(advances).collect();
-            let alike = how.iter().all(|prediction| prediction.is_none())
-                || how.iter().all(|prediction| *prediction == Some(Prediction::Derivative));
+            let predictions: Vec<Option<Prediction>> = rotation.columns.iter().map(advances).collect();
+            let alike = predictions.iter().all(|prediction| prediction.is_none())
+                || predictions.iter().all(|prediction| *prediction == Some(Prediction::Derivative));
             if !alike {
                 return Err(format!(
                     "the rotation `{}` has equations for some of its parts, or no derivatives",

@@ -134,7 +134,7 @@ pub fn together<R, E: From<Error>>(work: impl FnOnce() -> Result<R, E>) -> Resul
         match file.place() {
             Ok(path) => made.extend(path),
             Err(error) => {
-                // What cannot be removed either stays, and the error says where.
+                // Files that cannot be removed either stay, and the error names them.
                 let removed = made.iter().filter(|path| std::fs::remove_file(path).is_ok()).count();
                 WRITTEN.fetch_sub(removed, Ordering::Relaxed);
                 return Err(error.into());
@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_appears_only_when_committed_and_nothing_is_left_behind() {
+    fn file_appears_only_when_committed() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("out.json");
         let mut file = AtomicFile::create(&target).unwrap();
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_or_a_missing_parent_is_an_error_with_the_name() {
+    fn folder_or_missing_parent_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let message = write_atomic(folder.path(), b"x").unwrap_err().to_string();
         assert!(message.contains("folder"), "{message}");

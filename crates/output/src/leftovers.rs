@@ -76,11 +76,12 @@ fn unfinished(folder: &Path) -> Vec<String> {
 /// Removes those that are a target's.
 fn remove(real: &Path, unfinished: &[String]) -> Vec<PathBuf> {
     let prefix = prefix(real);
-    let is_own = |name: &&String| {
+    let is_of_target = |name: &&String| {
         let random = name.strip_prefix(&prefix).and_then(|rest| rest.strip_suffix(SUFFIX));
         random.is_some_and(|random| random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric()))
     };
-    let mut removed: Vec<PathBuf> = unfinished.iter().filter(is_own).map(|name| real.with_file_name(name)).collect();
+    let mut removed: Vec<PathBuf> =
+        unfinished.iter().filter(is_of_target).map(|name| real.with_file_name(name)).collect();
     // The lock is held until the file is gone, so that nobody can begin to write it.
     removed.retain(|path| File::open(path).is_ok_and(|file| file.try_lock().is_ok() && fs::remove_file(path).is_ok()));
     removed.sort();
@@ -108,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn unfinished_files_are_removed_only_when_nobody_writes_them() {
+    fn only_abandoned_unfinished_files_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let (target, at) = (folder.path().join("model.json"), |name: &str| folder.path().join(name));
         let busy = crate::atomic::AtomicFile::create(&target).unwrap();

@@ -73,7 +73,7 @@ mod tests {
             drop(held);
             assert!(!path.exists());
         }
-        // What a killed process leaves is no lock.
+        // The lock file of a killed process is no lock.
         fs::write(&path, "").unwrap();
         WriteLock::take(&path, &output).unwrap();
     }

@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read_and_the_index_leads_to_it() {
+    fn written_messages_are_read_by_index() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.mcap");
         let metadata = BTreeMap::from([("recipe".to_owned(), "x = 1".to_owned())]);
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn misuse_is_an_error_that_names_the_file() {
+    fn misuse_errors_name_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.mcap");
         let mut writer = McapWriter::create(&path, &McapOptions::default()).unwrap();

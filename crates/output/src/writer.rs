@@ -249,7 +249,7 @@ fn schema(columns: &[WriteColumn]) -> Result<Type, ParquetError> {
 fn properties(columns: &[WriteColumn], options: &WriteOptions) -> WriterProperties {
     let compression =
         if options.compress { Compression::ZSTD(ZstdLevel::default()) } else { Compression::UNCOMPRESSED };
-    // Where other readers, too, find the units.
+    // Other readers find the units here, too.
     let arrow = KeyValue::new(arrow_schema::KEY.to_owned(), arrow_schema::encode(columns));
     let pairs = options.metadata.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
     let pairs = [arrow].into_iter().chain(pairs).collect();

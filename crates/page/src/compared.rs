@@ -49,7 +49,7 @@ impl<'a> Compared<'a> {
     }
 
     /// The compared quantity, for people.
-    pub(crate) fn what(&self) -> String {
+    pub(crate) fn quantity(&self) -> String {
         match self.shared.as_slice() {
             [] => "Mean Mahalanobis score".to_owned(),
             names => format!(

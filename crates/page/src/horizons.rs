@@ -199,7 +199,7 @@ pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let text = format!(
         "{}. {} at the end: {}; {} each.",
         sentences.join(", "),
-        compared.what(),
+        compared.quantity(),
         curves
             .iter()
             .zip(&lists)

@@ -47,11 +47,12 @@ pub(crate) fn parts(
     partition: usize,
     region: usize,
     fit: Option<&Fit>,
-    said: &mut Option<String>,
+    printed: &mut Option<String>,
 ) -> Vec<Part> {
     if let Some(words) = not_least_squares(model, fit) {
-        let parts = if said.as_deref() == Some(words) { Vec::new() } else { vec![Part::Paragraph(words.to_owned())] };
-        *said = Some(words.to_owned());
+        let parts =
+            if printed.as_deref() == Some(words) { Vec::new() } else { vec![Part::Paragraph(words.to_owned())] };
+        *printed = Some(words.to_owned());
         return parts;
     }
     let has_terms = |latent: &&Latent| !terms(model, latent, region).is_empty();
@@ -94,8 +95,8 @@ pub(crate) fn parts(
     }
     let words = bases.join(" ");
     let mut parts: Vec<Part> =
-        if said.as_ref() == Some(&words) { Vec::new() } else { vec![Part::Paragraph(words.clone())] };
-    *said = Some(words);
+        if printed.as_ref() == Some(&words) { Vec::new() } else { vec![Part::Paragraph(words.clone())] };
+    *printed = Some(words);
     if known.len() > BELOW {
         parts.push(Part::Table(side_by_side(&known)));
     } else {
@@ -375,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn inverses_are_those_of_the_rows() {
+    fn inverses_match_rows() {
         let wave = |k: f64, shift: f64| (0..50).map(|row| (k * f64::from(row)).sin() + shift).collect::<Vec<f64>>();
         let (a, b, ones) = (wave(0.7, 3.0), wave(1.9, -0.4), vec![1.0; 50]);
         let summary = region(&[a.clone(), b.clone()]);
@@ -391,7 +392,7 @@ mod tests {
                 assert!((variance / exact - 1.0).abs() < 1e-11, "{support:?} {constant}: {variance} {exact}");
             }
         }
-        // What is the same as another, or constant beside a constant, is not determined; what was not measured is not known.
+        // A column that equals another, or is constant beside a constant, is not determined; a column without measurements is not known.
         let same = inverse_diagonal(&region(&[a.clone(), a.clone()]), &[0, 1], true);
         assert!(same[1..].iter().all(|value| *value > 1e10), "{same:?}");
         assert_eq!(inverse_diagonal(&region(&[vec![2.5; 50]]), &[0], true)[1], f64::INFINITY);

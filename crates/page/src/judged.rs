@@ -45,7 +45,7 @@ impl<'a> Judged<'a> {
         let Some((logs, dataset)) = logs else {
             return Ok(Self { name, model, scores: None, rollouts: None, starts: Vec::new(), on_stretch: None });
         };
-        let scores = said(score_rows(model, dataset, progress))?;
+        let scores = error_as_text(score_rows(model, dataset, progress))?;
         let longest = dataset.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
         let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(longest / SHARE).max(1));
         let mut long = RolloutOptions::new(horizon);
@@ -55,7 +55,7 @@ impl<'a> Judged<'a> {
         let opened = closed_by.map(|_| opened_to_roll(model, changes, logs, closed_by, progress)).transpose()?;
         let (simulated, rows) = opened.as_ref().map_or((model, dataset), |(model, rows)| (model, rows));
         let roll = |starts: &Starts, long: &RolloutOptions| {
-            said(roll_rows(simulated, rows, starts, long, closed_by, progress))
+            error_as_text(roll_rows(simulated, rows, starts, long, closed_by, progress))
         };
         let common = match wanted.several {
             true => common(rows, horizon, options.starts, wanted.reach, wanted.starts)?,
@@ -92,7 +92,7 @@ impl<'a> Judged<'a> {
 }
 
 /// Separates failures to score or simulate, which the page reports, from failures to read, which are errors.
-fn said<T>(result: Result<T, Error>) -> Result<Result<T, String>, Error> {
+fn error_as_text<T>(result: Result<T, Error>) -> Result<Result<T, String>, Error> {
     match result {
         Ok(scored) => Ok(Ok(scored)),
         Err(error @ Error::Request(RequestError { cause: Cause::TooFewRows { .. }, .. })) => Ok(Err(error.to_string())),

@@ -133,7 +133,7 @@ impl Seen {
             }
         }
         let total = rows.len();
-        // What is lost lies over the rows.
+        // Marks of lost rows lie over the rows.
         let over = |(name, spans, lost): (String, Vec<Span>, Vec<Span>)| {
             (name, merged(spans).into_iter().chain(merged(lost)).collect::<Vec<Span>>())
         };
@@ -191,7 +191,7 @@ fn stamps(recipe: &Recipe) -> String {
         "publish" => "Stamps are the times at which messages were sent.".to_owned(),
         other => format!("Stamps are those of {other}."),
     };
-    let said = [
+    let sentences = [
         time.column.as_ref().map(|column| format!("Stamps are those of {column}{unit}.")),
         time.dt.map(|dt| format!("Rows are {} apart, as the recipe says.", seconds(dt))),
         time.stamp.as_ref().map(of_logs),
@@ -201,7 +201,7 @@ fn stamps(recipe: &Recipe) -> String {
         }),
         time.smoothed.map(|over| format!("Rows were smoothed over {}.", seconds(over))),
     ];
-    said.into_iter().flatten().collect::<Vec<_>>().join(" ")
+    sentences.into_iter().flatten().collect::<Vec<_>>().join(" ")
 }
 
 /// Table of the channels before they are joined to rows.

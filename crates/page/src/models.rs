@@ -21,7 +21,7 @@ pub(crate) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     let parts = judged.iter().enumerate().flat_map(|(place, judged)| {
         let shown = if one { regions::SHOWN } else { OF_SEVERAL };
         let mut parts = parts(judged.model, place + 1, shown, Fit::of(fits, judged.model));
-        parts.extend(told_apart(judged, place + 1, &mut known));
+        parts.extend(excitation_parts(judged, place + 1, &mut known));
         parts.push(columns(judged.model));
         if one {
             return parts;
@@ -36,7 +36,7 @@ pub(crate) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
 
 /// Parts about the excitation of a model's training rows; a reference if they equal those of a model before. `known`:
 /// names of models, with their parts.
-fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, Vec<Part>)>) -> Vec<Part> {
+fn excitation_parts<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, Vec<Part>)>) -> Vec<Part> {
     let parts = excitation::parts(judged.model, number);
     // Figures have addresses of their own, and their numbers may differ by rounding; captions have what matters of them.
     let same = |(a, b): (&Part, &Part)| match (a, b) {
@@ -61,7 +61,7 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
     let mut parts = vec![Part::Paragraph(about(model))];
     let given: Vec<Equation> = (model.equations.iter())
         .filter(|equation| !is_by_region(model, equation))
-        .map(|equation| set(model.set_equation(equation, 0), how(equation)))
+        .map(|equation| set(model.set_equation(equation, 0), origin(equation)))
         .collect();
     parts.extend(capped(given));
     let shared: Vec<Equation> = (model.latents.iter())
@@ -71,9 +71,9 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
     parts.extend(capped(shared));
     parts.extend(model.definitions().iter().map(basis));
     parts.extend(intervals::parameters(model));
-    let mut said = None;
+    let mut printed = None;
     for partition in 0..model.partitions.len() {
-        parts.extend(by_region(model, partition, shown, fit, &mut said));
+        parts.extend(by_region(model, partition, shown, fit, &mut printed));
         let name = format!("{number}-{}", partition + 1);
         let (rules, seen) = (&model.partitions[partition], &model.summaries[partition]);
         let walked = rules.transitions.as_ref();
@@ -148,25 +148,31 @@ fn capped(mut equations: Vec<Equation>) -> Vec<Part> {
 }
 
 /// Origin of an equation that is not fitted: `given`; empty for a fitted one.
-fn how(equation: &ModelEquation) -> String {
+fn origin(equation: &ModelEquation) -> String {
     if equation.target.is_none() { "given".into() } else { String::new() }
 }
 
 /// The equations of the regions of a partition, and the table of regions.
-fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>, said: &mut Option<String>) -> Vec<Part> {
+fn by_region(
+    model: &Model,
+    partition: usize,
+    shown: usize,
+    fit: Option<&Fit>,
+    printed: &mut Option<String>,
+) -> Vec<Part> {
     let summary = &model.summaries[partition];
     if !model.latents.iter().any(|latent| latent.partition == partition) || summary.regions.is_empty() {
         return Vec::new();
     }
     if summary.regions.len() < 2 {
-        let known = intervals::parts(model, partition, 0, fit, said);
+        let known = intervals::parts(model, partition, 0, fit, printed);
         return std::iter::once(Part::Paragraph(regions::alone(model, partition))).chain(known).collect();
     }
     let mut parts = regions::tables(model, partition);
     let order = summary.by_size();
     for (rank, &region) in order.iter().take(shown).enumerate() {
         let mut equations = capped(in_region(model, partition, region));
-        equations.extend(intervals::parts(model, partition, region, fit, said));
+        equations.extend(intervals::parts(model, partition, region, fit, printed));
         let name = format!("Region {}", summary.regions[region].name);
         if rank < UNFOLDED {
             parts.push(Part::Heading(format!("{name}, the largest")));

@@ -148,8 +148,8 @@ pub(crate) fn tables(model: &Model, partition: usize) -> Vec<Part> {
         let rest = &order[SHOWN..];
         parts.push(Part::Fold(format!("{} smaller regions", rest.len()), vec![table(rest)]));
     }
-    let how = model.outside_in_words(partition);
-    parts.extend(how.map(|how| Part::Paragraph(format!("Outside the training ranges of a region {how}."))));
+    let rule = model.outside_in_words(partition);
+    parts.extend(rule.map(|rule| Part::Paragraph(format!("Outside the training ranges of a region {rule}."))));
     parts
 }
 

@@ -98,7 +98,7 @@ fn by_error(scored: &Scored) -> Option<(&TargetScore, &TargetScore)> {
 fn one_step(scored: &Scored) -> Option<Sentence> {
     let (best, worst) = by_error(scored)?;
     let inside = !scored.in_sample.is_empty();
-    // Where no interval is known the value has to do.
+    // Without an interval, the value itself is the bound.
     let upper = |target: &TargetScore| {
         let error = &target.mae_over_null;
         if error.high.is_finite() { error.high } else { error.value }

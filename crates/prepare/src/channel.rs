@@ -260,7 +260,7 @@ impl Channel<'_> {
     ) {
         let bridged = match self.options.method {
             Method::None => return,
-            // What is missing among the rows was filled by a spline already.
+            // A spline has already filled missing values among the rows.
             Method::SavitzkyGolay { .. } | Method::Butterworth { .. } if self.rows.is_none() => return,
             Method::Interpolate(_) => BRIDGED * self.period(),
             _ if self.rows.is_none() => report.smoothed,
@@ -347,7 +347,7 @@ impl Channel<'_> {
         for (row, pair) in self.times.windows(2).enumerate() {
             let step = pair[1] - pair[0];
             let periods = (step / period).round();
-            // What a period is off by adds up over a gap.
+            // The error of a period adds up over a gap.
             if periods < 1.0 || (step - periods * period).abs() > UNEVEN * period * periods {
                 return Err(SignalError::Parameter {
                     what: "a step between samples, s,",

@@ -18,8 +18,8 @@ use fleetfoot_data::setting::{PREPARE_SECTION, TIME_SECTION};
 use fleetfoot_data::{ColumnKind, Progress, Source};
 use fleetfoot_dataset::{
     Dataset, Error, Logs,
+    estimated_clocks::Clocks,
     folder::Folder,
-    found_clocks::Clocks,
     is_prepared,
     raw::{RawLog, RawLogs},
 };

@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_stands_above_the_section_and_inputs_stay_as_they_are() {
+    fn channels_override_the_section() {
         let default = options("", "q").unwrap();
         assert_eq!(default.method, Method::Auto(Lambda::Likelihood));
         assert_eq!((default.reject, default.second_order, default.range), (Some(4.0), false, None));

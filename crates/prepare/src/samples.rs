@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_field_belongs_to_its_topic_and_the_key_of_its_group() {
+    fn fields_belong_to_topic_and_key() {
         let topics = ["/tf", "/joint_states", "/imu", "/imu/data"];
         let of = |field: &str| group(field, &topics);
         assert_eq!(of("/imu/data.angular_velocity.x").as_deref(), Some("/imu/data"));
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_about_a_piece_reach_one_beyond_it() {
+    fn pieces_include_one_neighbouring_sample() {
         let times: Vec<f64> = (0..10).map(f64::from).collect();
         let samples = Samples { values: times.clone(), times, ..Samples::default() };
         assert_eq!(samples.within(2.5, 5.5).0, [2.0, 3.0, 4.0, 5.0, 6.0]);

@@ -88,7 +88,7 @@ impl Ties {
 
     /// The maps of least error that meet at all borders, from the training rows of the regions; `shrinkage` as for maps that are not tied.
     pub(crate) fn fit(&self, base: &Base, training: &BTreeMap<u32, SquareRoot>, shrinkage: f64) -> Fitted {
-        // What the rows of a region determine does not depend on its neighbours.
+        // Directions that the rows of a region determine do not depend on its neighbours.
         let region_model = |region: u32| match training.get(&region) {
             Some(root) => RegionModel::new(least_squares(root, &base.scale)),
             None => base.average.clone(),

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_complete_row_of_a_chunk_is_in_one_piece() {
+    fn pieces_partition_complete_rows() {
         let mut source = MemorySource::new(vec![Column::float("x")]);
         for length in [203, 0, 91] {
             source.push_uniform("e", 1.0, vec![(0..length).map(|i| f64::from(i + length)).collect()]);

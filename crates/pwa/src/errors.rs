@@ -177,13 +177,13 @@ impl Measure<'_> {
 
     fn empty(&self) -> Errors {
         let q = self.rows.targets;
-        let scatter = |kept: usize, asked: bool| asked.then(|| Scatter::new(self.orders[kept].full.len(), q));
+        let scatter = |kept: usize, is_kept: bool| is_kept.then(|| Scatter::new(self.orders[kept].full.len(), q));
         Errors {
             weight: 0.0,
             candidates: vec![Sums::new(q); self.orders.len()],
             null: Sums::new(q),
             deviation: vec![0.0; q],
-            residuals: self.kept.iter().zip(self.scattered).map(|(&kept, &asked)| scatter(kept, asked)).collect(),
+            residuals: self.kept.iter().zip(self.scattered).map(|(&kept, &is_kept)| scatter(kept, is_kept)).collect(),
             walks: self.kept.iter().map(|&kept| self.walks(kept)).collect(),
             lagged: self
                 .whitening_by_region

@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_of_maps_are_those_of_all_regions_and_targets() {
+    fn count_includes_all_regions_and_targets() {
         let count = |text: &str, regions: usize, continuity: Option<Continuity>| {
             coefficients(&Specification::parse_list(text).unwrap()[0], regions, (4, 3), continuity)
         };

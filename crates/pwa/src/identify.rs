@@ -42,7 +42,7 @@ pub fn identify(
 ) -> Result<Identification, Error> {
     let weighed = with_effective_weights(problem, source, progress)?;
     let problem = weighed.as_ref().unwrap_or(problem);
-    let bound = Loop::asked(problem, options)?;
+    let bound = Loop::requested(problem, options)?;
     let Prepared { rows, grid, folds, chunks, survey, mut segmentation, phase } =
         prepare(problem, options, source, progress)?;
     let preconditioner = rows.coordinates(source)?;
@@ -265,10 +265,10 @@ impl Fit<'_> {
     /// residuals than least squares, and has none.
     fn whitening(&self, candidate: usize, order: &Order, solver: &Solver<'_>) -> Option<Whitening> {
         let Candidate { specification, full, .. } = &self.segmentation.candidates[candidate];
-        let asked = self.rows_over().is_some() && *specification != Specification::Null;
+        let is_wanted = self.rows_over().is_some() && *specification != Specification::Null;
         let scales = &self.survey.scales;
         let variances: Vec<f64> = (0..self.rows.targets).map(|t| scales.get(t, t) / scales.weight).collect();
-        asked.then(|| Whitening::new(&solver.grams(*full, None), order.full.len(), self.preconditioner, &variances))
+        is_wanted.then(|| Whitening::new(&solver.grams(*full, None), order.full.len(), self.preconditioner, &variances))
     }
 
     fn measure<'m>(

@@ -436,7 +436,7 @@ mod tests {
     /// Residuals of an autoregression of two targets are recognised as one; independent residuals are not, and neither
     /// is a series that is averaged over two rows.
     #[test]
-    fn correlation_of_residuals_is_reported_if_it_is_significant() {
+    fn significant_residual_correlation_is_reported() {
         let uniform = |key: u64| fleetfoot_data::mix(key + 1) as f64 / u64::MAX as f64 - 0.5;
         let width = padded(2);
         /// The residuals of a row, from its number, those before and separate noise.

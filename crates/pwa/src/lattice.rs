@@ -169,9 +169,9 @@ impl Bordered {
             let cells = (share(before + members.len()) - share(before)).max(1);
             before += members.len();
             let of = |column: &Vec<f64>| members.iter().map(|&row| column[row]).collect::<Vec<f64>>();
-            let own_columns: Vec<Vec<f64>> = columns.iter().map(of).collect();
+            let region_columns: Vec<Vec<f64>> = columns.iter().map(of).collect();
             let part = |from: usize| {
-                own_columns
+                region_columns
                     .iter()
                     .map(|column| &column[from..(from + PART).min(members.len())])
                     .collect::<Columns<'_>>()
@@ -222,7 +222,7 @@ mod tests {
     use fleetfoot_data::mix;
 
     #[test]
-    fn one_argument_of_the_greatest_is_the_nearest_centroid_of_the_region() {
+    fn greatest_argument_is_the_nearest_centroid() {
         let uniform = |at: usize| 4.0 * (mix(at as u64 + 1) >> 11) as f64 * 2f64.powi(-53) - 2.0;
         let columns: Vec<Vec<f64>> = (0..3).map(|j| (0..6000).map(|row| uniform(7919 * row + j)).collect()).collect();
         let part: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn without_borders_cells_are_those_of_kmeans() {
+    fn without_borders_cells_match_kmeans() {
         let columns: Vec<Vec<f64>> = vec![(0..500).map(|row| (mix(row) % 1000) as f64).collect()];
         for borders in [Rule::Whole, Rule::Linear { weights: vec![vec![0.0]], offsets: vec![0.0] }] {
             let made = Bordered::new(&columns, 9, &borders, 1, &Silent).unwrap();

@@ -29,12 +29,12 @@ pub(crate) fn pairs(
     let seen: Vec<(u32, &Gram)> = regions.iter().map(|(&region, gram)| (region, gram)).collect();
     let leftovers: Vec<Leftover> =
         parallel_map(seen.len(), &Silent, |at| Ok::<_, Error>(preconditioner.leftover(seen[at].1)))?;
-    let asked: Vec<[usize; 2]> = (0..seen.len())
+    let tests: Vec<[usize; 2]> = (0..seen.len())
         .flat_map(|a| (a + 1..seen.len()).map(move |b| [a, b]))
         .filter(|&[a, b]| all || passes(seen[a].0, seen[b].0) || passes(seen[b].0, seen[a].0))
         .collect();
-    parallel_map(asked.len(), &Silent, |at| {
-        let [a, b] = asked[at];
+    parallel_map(tests.len(), &Silent, |at| {
+        let [a, b] = tests[at];
         let test =
             same_coefficients(preconditioner, [seen[a].1, seen[b].1], [&leftovers[a], &leftovers[b]], independent);
         let (statistic, freedom, p) =

@@ -80,7 +80,7 @@ pub(crate) fn join_cells(
         return Ok(None);
     };
     let total = preconditioner.square_root(&whole).total;
-    // What never changes has no errors.
+    // Constant columns have no errors.
     let variance = |total: &f64| if *total > 0.0 { total / whole.weight } else { 1.0 };
     let all = cells.cell_ranges();
     let sets = cells.sets();

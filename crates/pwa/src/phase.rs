@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_period_follows_from_the_values_or_is_given() {
+    fn period_follows_from_values_or_option() {
         let period = |values: &[f64]| match scale(values, None).unwrap() {
             Scale::Cyclic { period, .. } => period,
             Scale::Labels { .. } => f64::NAN,
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_are_named_and_too_many_are_none() {
+    fn labels_are_named() {
         let of = phase(PhaseKind::Labels(Column {
             kind: fleetfoot_data::ColumnKind::Category(vec!["air".into(), "ground".into()]),
             ..Column::float("q")

@@ -33,7 +33,7 @@ pub(crate) fn segment(
     let folds = if options.folds > 1 { options.folds } else { 0 };
     let mut made: Vec<Vec<Made>> = options.partitions.iter().map(|_| Vec::new()).collect();
     for held in std::iter::once(None).chain((0..folds).map(Some)) {
-        // What refinements share is there for one training set at a time.
+        // Data that refinements share exist for one training set at a time.
         let mut maker =
             Maker { problem, options, rows, survey, held, grounds: BTreeMap::new(), grown: BTreeMap::new() };
         let fold = held.map(|fold| Stages::fold(progress, fold.into(), folds.into()));

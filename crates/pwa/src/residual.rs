@@ -235,7 +235,7 @@ mod tests {
     use faer::Mat;
 
     #[test]
-    fn sums_equal_those_of_the_definition() {
+    fn sums_match_definition() {
         let (n, p, q) = (150, 3, 10);
         let value = |i: usize| ((i * 37 % 101) as f64 * 0.1).sin();
         let columns: Vec<Vec<f64>> = (0..p + q).map(|c| (0..n).map(|row| value(row * 7 + c * 13)).collect()).collect();

@@ -171,7 +171,7 @@ pub(crate) fn sum(
 impl Pass<'_> {
     fn start(&self) -> Part {
         let partitions = 0..self.segmentation.partitions.len();
-        // What is made on all rows tells where it was trained.
+        // Regions that are made on all rows report the range of their training.
         let described = |p: usize| self.segmentation.candidates.iter().any(|candidate| candidate.full == p);
         let planned =
             |p: usize| self.wanted.plans.get(p).and_then(Option::as_ref).is_some_and(|plan| !plan.is_polynomial());

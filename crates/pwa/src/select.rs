@@ -213,7 +213,7 @@ fn hold(
     sets: &[Set<'_>],
     variance: &[f64],
 ) -> Result<(), Error> {
-    // Where nothing is held out, the loss on all rows.
+    // Without held-out rows, the loss on all rows.
     let free = if order.loss.is_finite() {
         order.loss
     } else {

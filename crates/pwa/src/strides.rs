@@ -114,7 +114,7 @@ impl Strides {
         for run in &next.runs {
             self.append(run.clone(), scale);
         }
-        // What lies behind is the beginning of nothing.
+        // Earlier runs cannot continue in later rows.
         let closed = self.runs.len().saturating_sub(1);
         for run in self.runs.drain(..closed).collect::<Vec<Run>>() {
             self.close(&run);

@@ -89,7 +89,7 @@ pub fn identify_summed(
         partitions.iter().enumerate().map(|(at, specification)| candidate(at, specification, rows)).collect();
     let regions = |partition: usize| sums.count(partition);
     let shapes = (candidates.as_slice(), &regions as &dyn Fn(usize) -> usize);
-    let bound = Loop::asked(problem, options)?;
+    let bound = Loop::requested(problem, options)?;
     let orders = evaluate(&sums, shapes, (rows.folds, options.shrinkage), bound.as_ref(), &base, independent)?;
     let specifications: Vec<&Specification> = partitions.iter().map(|one| &one.specification).collect();
     let (chosen, rule) = choose(options.selection, &specifications, &orders);

@@ -25,7 +25,7 @@ use crate::{
     Error,
     examples::{Examples, Shape},
 };
-use cuts::{Found, Node};
+use cuts::{Node, NodeCut};
 
 /// Rows of a leaf at least, of each number of a map.
 const ROWS_OF_A_NUMBER: usize = 5;
@@ -84,7 +84,7 @@ impl Grown {
         let open: Vec<usize> = (0..self.nodes.len()).filter(|&at| self.nodes[at].depth == self.depth).collect();
         let d = self.examples.dimensions;
         let examples = &self.examples;
-        let cuts: Vec<Option<Found>> = {
+        let cuts: Vec<Option<NodeCut>> = {
             let nodes = &self.nodes;
             parallel_all(open.len() * d, |at| nodes[open[at / d]].node.best(examples, at % d, least))
         };
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn cuts_of_the_truth_are_recovered_and_others_do_not_pay() {
+    fn true_cuts_are_recovered() {
         for depth in [2, 4, 6] {
             let cuts = cuts(&grown(4000, 0.1, three).rule(depth, &Silent).unwrap());
             assert_eq!(cuts.len(), 2, "depth {depth}: {cuts:?}");
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sign_of_a_product_has_its_four_corners() {
+    fn sign_of_product_has_four_corners() {
         let cuts = cuts(&grown(4000, 0.05, |x, y| (x * y).signum()).rule(3, &Silent).unwrap());
         assert!(cuts.len() >= 3, "{cuts:?}");
         let of = |x: f64, y: f64| Tree { cuts: cuts.clone() }.region(|column| [x, y][column]);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shallow_tree_does_not_depend_on_how_deep_another_is() {
+    fn shallow_tree_does_not_depend_on_depth() {
         let wave = |x: f64, y: f64| (4.0 * x).sin() * y;
         let mut together = grown(3000, 0.1, wave);
         for depth in [3, 1, 5, 2] {

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use crate::{data::Data, model::Model, object::object, recipe::of_json, run::run};
 
 /// The model, the linear model if it is another one, the report, and the recipe as TOML.
-type Found<'py> = (Model, Option<Model>, Bound<'py, PyAny>, String);
+type AutoResult<'py> = (Model, Option<Model>, Bound<'py, PyAny>, String);
 
 /// Finds a model of recordings; writes the folder of the result where one is given.
 #[pyfunction]
@@ -21,7 +21,7 @@ pub(crate) fn auto<'py>(
     force: bool,
     c: bool,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Found<'py>> {
+) -> PyResult<AutoResult<'py>> {
     let recipe = of_json(recipe_text)?;
     let output = folder.map(|folder| AutoOutput { folder, force, c });
     let outcome = run(py, progress, |progress| {

@@ -48,7 +48,7 @@ pub(crate) struct BolassoRequest {
 /// Selection frequencies (q x p), mean signs (q x p), coefficients of all replicates (b x q x p) and their intercepts
 /// (b x q). Then the largest violation of the optimality conditions as a correlation, replicates whose solver missed
 /// its tolerance, and replicates without rows.
-type Found<'py> = (
+type BolassoResult<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray3<f64>>,
@@ -67,7 +67,7 @@ pub(crate) fn bolasso<'py>(
     weights: Option<&Bound<'py, PyAny>>,
     request: BolassoRequest,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Found<'py>> {
+) -> PyResult<BolassoResult<'py>> {
     let py = x.py();
     let (x, y) = (Array::of(x, "X")?, Array::of(y, "y")?);
     let (features, targets) = (x.columns(), y.columns());
@@ -204,7 +204,7 @@ fn unpacked<'py>(
     selection: &Selection,
     intercept: bool,
     [targets, features]: [usize; 2],
-) -> PyResult<Found<'py>> {
+) -> PyResult<BolassoResult<'py>> {
     let width = features + usize::from(intercept);
     let place = |k: usize, j: usize| k * width + j;
     let places = || (0..targets).flat_map(|k| (0..features).map(move |j| place(k, j)));

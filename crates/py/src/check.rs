@@ -15,9 +15,9 @@ pub(crate) fn correlations<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let recipe = of_json(recipe_text)?;
-    let found =
+    let correlations =
         run(py, progress, |progress| Ok(fleetfoot::correlations(&recipe, columns.as_deref(), &data.logs, progress)?))?;
-    object(py, &found)
+    object(py, &correlations)
 }
 
 /// Difference of a response from its reference, by their shift.
@@ -33,10 +33,10 @@ pub(crate) fn lag_curve<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let recipe = of_json(recipe_text)?;
-    let found = run(py, progress, |progress| {
+    let curve = run(py, progress, |progress| {
         Ok(fleetfoot::lag_curve(&recipe, [reference, response], reach, &data.logs, progress)?)
     })?;
-    object(py, &found)
+    object(py, &curve)
 }
 
 /// Faults of logs, to be seen before anything is fitted.

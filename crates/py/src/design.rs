@@ -67,7 +67,7 @@ impl DenseRows for Borrowed {
         match self.x {
             // A few lines of the cache in every row.
             Matrix::Dense(_) => COLUMNS_AT_ONCE,
-            // Whose rows are all looked through for any column.
+            // All rows are read for any column.
             Matrix::Sparse(_) => self.regressors() + self.targets(),
         }
     }

@@ -35,10 +35,10 @@ pub(crate) fn recipe_json(text: &str, name: &str) -> PyResult<String> {
 
 /// Merges the methods' sections of `said` over those of `recipe`, both JSON, by the rule that flags go above a recipe.
 #[pyfunction]
-pub(crate) fn say(said: &str, recipe_text: &str) -> PyResult<String> {
+pub(crate) fn override_settings(settings_text: &str, recipe_text: &str) -> PyResult<String> {
     guard(|| {
         let mut recipe = of_json(recipe_text)?;
-        recipe.say_all(&of_json(said)?);
+        recipe.override_all(&of_json(settings_text)?);
         serde_json::to_string(&recipe).map_err(|error| Kind::Internal.error(error))
     })
 }

@@ -64,7 +64,7 @@ impl LarsPath {
         let mut order: Vec<usize> = Vec::new();
         for pair in self.path.knots.windows(2) {
             let [above, below] = pair else { continue };
-            // What has left at the knot above may come in again, behind the others.
+            // A column that left at the knot above may enter again, behind the others.
             order.retain(|j| above.support.binary_search(j).is_ok());
             order.extend(below.support.iter().filter(|j| above.support.binary_search(j).is_err()));
         }

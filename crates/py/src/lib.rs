@@ -86,7 +86,7 @@ mod _core {
 
     // -- identification
     #[pymodule_export]
-    use crate::fit::{fit, recipe_json, say, settings};
+    use crate::fit::{fit, override_settings, recipe_json, settings};
     #[pymodule_export]
     use crate::model::{Model, check_controller, export_controller, export_filter, write_controller};
     #[pymodule_export]

@@ -12,7 +12,7 @@ use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
     error::{Kind, OrRaise},
-    points::{Asked, Given, Rows, array, by_point, points},
+    points::{Given, PointBatch, Rows, array, by_point, points},
     recipe::of_json,
     run::{Failure, guard, run, run_any},
 };
@@ -79,7 +79,7 @@ impl Model {
     }
 
     /// Points that a call gives, of a model that reads nothing of later rows.
-    fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
+    fn point_batch(&self, given: &Given<'_, '_>) -> PyResult<PointBatch> {
         let ahead = self.stepper.ahead();
         if ahead > 0 {
             return Err(Kind::Model.error(format!(
@@ -124,8 +124,8 @@ impl Model {
 
     /// The linear-quadratic regulator: the text of its file.
     fn control_lqr(&self, py: Python<'_>, recipe_text: &str) -> PyResult<String> {
-        let said = of_json(recipe_text)?.control;
-        run(py, None, |_| fleetfoot::control_lqr(&self.model, &said).map(|made| made.to_json()))
+        let section = of_json(recipe_text)?.control;
+        run(py, None, |_| fleetfoot::control_lqr(&self.model, &section).map(|made| made.to_json()))
     }
 
     /// Writes the model's file, whole or not at all.
@@ -176,11 +176,11 @@ impl Model {
     }
 
     /// The same model, whose columns are read as they are: by their own names, from a table that holds them.
-    fn over_own_columns(&self) -> PyResult<Self> {
+    fn over_named_columns(&self) -> PyResult<Self> {
         let mut model = self.model.clone();
         let closed = model.closed(model.step, &[]).or_raise(Kind::Model)?;
         for column in &mut model.columns {
-            // What is computed is computed from the columns that are there.
+            // Computed columns are computed from the columns of the table.
             let computed = closed.computed.iter().find(|(name, _)| *name == column.name);
             let lag = closed.lags.iter().find(|lag| lag.equation.subject == column.name);
             let source = match (computed, lag) {
@@ -211,13 +211,13 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         let (method, seconds) = (method(method_name)?, self.seconds(dt)?);
         guard(|| {
-            let mut asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let mut batch = self.point_batch(&Given { x: Some(x), u, history, t })?;
             let mut workspace = StepperWorkspace::default();
-            let next = match asked.points.count() {
-                0..TILE => self.stepper.next(&mut asked.points, seconds, method, &mut workspace).to_vec(),
-                _ => py.detach(|| self.stepper.next(&mut asked.points, seconds, method, &mut workspace).to_vec()),
+            let next = match batch.points.count() {
+                0..TILE => self.stepper.next(&mut batch.points, seconds, method, &mut workspace).to_vec(),
+                _ => py.detach(|| self.stepper.next(&mut batch.points, seconds, method, &mut workspace).to_vec()),
             };
-            by_point(py, &next, self.stepper.states().len(), &asked)
+            by_point(py, &next, self.stepper.states().len(), &batch)
         })
     }
 
@@ -232,13 +232,13 @@ impl Model {
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array<'py>> {
         guard(|| {
-            let asked = self.asked(&Given { x: Some(x), u, history, t })?;
-            let (count, states) = (asked.points.count(), self.stepper.states().len());
+            let batch = self.point_batch(&Given { x: Some(x), u, history, t })?;
+            let (count, states) = (batch.points.count(), self.stepper.states().len());
             let mut workspace = StepperWorkspace::default();
-            py.detach(|| self.stepper.evaluate(&asked.points, &mut workspace));
+            py.detach(|| self.stepper.evaluate(&batch.points, &mut workspace));
             let values: Vec<f64> =
                 (0..states).flat_map(|state| self.stepper.right_side(state, count, &workspace).to_vec()).collect();
-            by_point(py, &values, states, &asked)
+            by_point(py, &values, states, &batch)
         })
     }
 
@@ -292,12 +292,12 @@ impl Model {
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyArray1<i64>>, bool)> {
         guard(|| {
-            let asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let batch = self.point_batch(&Given { x: Some(x), u, history, t })?;
             let mut workspace = StepperWorkspace::default();
-            py.detach(|| self.stepper.evaluate(&asked.points, &mut workspace));
+            py.detach(|| self.stepper.evaluate(&batch.points, &mut workspace));
             let mut regions: Vec<i64> = self.stepper.regions(&workspace).iter().map(|&index| region(index)).collect();
-            regions.resize(asked.points.count(), 0);
-            Ok((PyArray1::from_vec(py, regions), asked.single))
+            regions.resize(batch.points.count(), 0);
+            Ok((PyArray1::from_vec(py, regions), batch.single))
         })
     }
 
@@ -316,16 +316,16 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
         let (method, seconds) = (method(method_name)?, dt.map(|dt| self.seconds(Some(dt))).transpose()?);
         guard(|| {
-            let mut asked = self.asked(&Given { x: Some(x), u, history, t })?;
+            let mut batch = self.point_batch(&Given { x: Some(x), u, history, t })?;
             let tangent = self.tangent()?;
             let mut workspace = StepperWorkspace::default();
             let linearizations = py.detach(|| match seconds {
-                None => tangent.linearize(&self.stepper, &asked.points, &mut workspace),
+                None => tangent.linearize(&self.stepper, &batch.points, &mut workspace),
                 Some(seconds) => {
-                    tangent.linearize_step(&self.stepper, &mut asked.points, seconds, method, &mut workspace)
+                    tangent.linearize_step(&self.stepper, &mut batch.points, seconds, method, &mut workspace)
                 }
             });
-            self.linearized(py, linearizations, asked.single)
+            self.linearized(py, linearizations, batch.single)
         })
     }
 
@@ -389,8 +389,8 @@ pub(crate) fn export_filter(
     precision: &str,
 ) -> PyResult<Vec<PathBuf>> {
     let options = export_options("c", prefix, precision, "rk4")?;
-    let said = of_json(recipe_text)?;
-    run(py, None, |_| fleetfoot::export_filter(&model.model, &said.filter, &options, &folder, &[]))
+    let recipe = of_json(recipe_text)?;
+    run(py, None, |_| fleetfoot::export_filter(&model.model, &recipe.filter, &options, &folder, &[]))
 }
 
 /// The text of a controller's file, once it is read without a mistake; `name` is the file's, for messages.

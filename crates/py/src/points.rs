@@ -48,7 +48,7 @@ pub(crate) struct Given<'a, 'py> {
 }
 
 /// Points, and whether the caller gave one without a batch around it.
-pub(crate) struct Asked {
+pub(crate) struct PointBatch {
     pub(crate) points: Points,
     pub(crate) single: bool,
 }
@@ -119,7 +119,7 @@ fn past(given: Option<Floats>, what: &str, needed: usize, count: usize, width: u
 }
 
 /// Points that do not depend on each other, each with its own past where the model looks back.
-pub(crate) fn points(stepper: &Stepper, given: &Given<'_, '_>) -> PyResult<Asked> {
+pub(crate) fn points(stepper: &Stepper, given: &Given<'_, '_>) -> PyResult<PointBatch> {
     let (x, u) = (Floats::or_none(given.x, "x")?, Floats::or_none(given.u, "u")?);
     let (states, inputs) = (stepper.states().len(), stepper.inputs().len());
     let of_x = points_of(x.as_ref(), "x", states, &names(stepper.states()))?;
@@ -164,7 +164,7 @@ pub(crate) fn points(stepper: &Stepper, given: &Given<'_, '_>) -> PyResult<Asked
         }
     }
     set_time(stepper, &mut points, given.t)?;
-    Ok(Asked { points, single: of_x.is_none() && of_u.is_none() })
+    Ok(PointBatch { points, single: of_x.is_none() && of_u.is_none() })
 }
 
 /// Sets the time of the points; that of earlier rows is a step of the model's earlier each.
@@ -268,10 +268,10 @@ pub(crate) fn by_point<'py>(
     py: Python<'py>,
     columns: &[f64],
     width: usize,
-    asked: &Asked,
+    batch: &PointBatch,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let count = asked.points.count();
-    if asked.single {
+    let count = batch.points.count();
+    if batch.single {
         return array(py, columns.to_vec(), &[width]);
     }
     let values =

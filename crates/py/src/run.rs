@@ -213,9 +213,9 @@ pub(crate) fn guard<R>(work: impl FnOnce() -> PyResult<R>) -> PyResult<R> {
 }
 
 fn mistake(panic: &(dyn Any + Send)) -> PyErr {
-    let said = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    let message = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
     Kind::Internal.error(format!(
         "fleetfoot failed where it should not ({}); please report it with the data that did it",
-        said.unwrap_or("no message")
+        message.unwrap_or("no message")
     ))
 }

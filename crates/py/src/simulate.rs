@@ -183,16 +183,16 @@ pub(crate) fn simulate<'py>(
         return Err(Kind::Model.error("no equation of the model advances a state: there is nothing to simulate"));
     }
     let integration = passing.integration(states)?;
-    let (mut asked, inputs) = guard(|| {
+    let (mut batch, inputs) = guard(|| {
         let first = PyArray1::from_vec(py, vec![grid.times()[0]]).into_any();
         // The inputs of the first row are set with those of the others.
         let width = stepper.inputs().len();
         let none = array(py, vec![0.0; width], &[width])?.into_any();
-        let asked = points(stepper, &Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
-        let inputs = sequence(model, u, grid.intervals() + 1, course, asked.points.count())?;
-        Ok((asked, inputs))
+        let batch = points(stepper, &Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
+        let inputs = sequence(model, u, grid.intervals() + 1, course, batch.points.count())?;
+        Ok((batch, inputs))
     })?;
-    let (count, length) = (asked.points.count(), grid.times().len());
+    let (count, length) = (batch.points.count(), grid.times().len());
     let (out, shortfall) = run_any(py, None, |progress| {
         ensure_memory(
             count.saturating_mul(length).saturating_mul(8 * states),
@@ -201,7 +201,7 @@ pub(crate) fn simulate<'py>(
         )?;
         let mut out = vec![f64::NAN; count * length * states];
         let inputs = InputSequence { values: &inputs.0, by_point: inputs.1, course };
-        let shortfall = stepper.simulate(&mut asked.points, grid, inputs, &integration, |step, state_values| {
+        let shortfall = stepper.simulate(&mut batch.points, grid, inputs, &integration, |step, state_values| {
             for (s, column) in state_values.chunks_exact(count.max(1)).enumerate() {
                 column.iter().enumerate().for_each(|(b, &x)| out[(b * length + step) * states + s] = x);
             }
@@ -209,7 +209,7 @@ pub(crate) fn simulate<'py>(
         });
         Ok::<_, Failure>((out, shortfall))
     })?;
-    let state_values = match asked.single {
+    let state_values = match batch.single {
         true => array(py, out, &[length, states])?,
         false => array(py, out, &[count, length, states])?,
     };

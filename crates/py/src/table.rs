@@ -20,7 +20,7 @@ use crate::{
     capsule,
     error::Kind,
     run::guard,
-    table_rows::{Asked, taken},
+    table_rows::{TableIndex, taken},
 };
 
 /// A stamp that is missing, and numpy's "not a time".
@@ -104,13 +104,13 @@ impl Table {
     }
 
     /// Some rows, or some columns, as a table.
-    fn part(&self, asked: &Asked) -> PyResult<Self> {
-        let batch = match asked {
-            Asked::Column(name) => self.projected(std::slice::from_ref(name))?,
-            Asked::Columns(names) => self.projected(names)?,
-            Asked::Span(rows) => self.batch.slice(rows.start, rows.len()),
-            Asked::Rows(rows) => taken(&self.batch, rows)?,
-            Asked::Both(pair) => return self.part(&pair[0])?.part(&pair[1]),
+    fn part(&self, index: &TableIndex) -> PyResult<Self> {
+        let batch = match index {
+            TableIndex::Column(name) => self.projected(std::slice::from_ref(name))?,
+            TableIndex::Columns(names) => self.projected(names)?,
+            TableIndex::Span(rows) => self.batch.slice(rows.start, rows.len()),
+            TableIndex::Rows(rows) => taken(&self.batch, rows)?,
+            TableIndex::Both(pair) => return self.part(&pair[0])?.part(&pair[1]),
         };
         Ok(Self { batch, notes: self.notes.clone() })
     }
@@ -196,12 +196,12 @@ impl Table {
     /// slice; neighbouring rows are not copied.
     fn __getitem__<'py>(slf: &Bound<'py, Self>, key: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let table = slf.get();
-        match Asked::of(key, table.batch.num_rows())? {
-            Asked::Column(name) => {
+        match TableIndex::of(key, table.batch.num_rows())? {
+            TableIndex::Column(name) => {
                 let column = table.batch.column(table.place(&name)?);
                 guard(|| numpy_of(slf, column))
             }
-            asked => Ok(Bound::new(slf.py(), table.part(&asked)?)?.into_any()),
+            index => Ok(Bound::new(slf.py(), table.part(&index)?)?.into_any()),
         }
     }
 

@@ -17,7 +17,7 @@ use pyo3::{
 use crate::error::Kind;
 
 /// Selection from a table.
-pub(crate) enum Asked {
+pub(crate) enum TableIndex {
     /// One column, as an array.
     Column(String),
     /// Columns, as a table.
@@ -27,10 +27,10 @@ pub(crate) enum Asked {
     /// Rows by their places.
     Rows(Vec<usize>),
     /// Some rows of some columns.
-    Both(Box<[Asked; 2]>),
+    Both(Box<[TableIndex; 2]>),
 }
 
-impl Asked {
+impl TableIndex {
     /// Reads the index of a table with so many rows: a name, names, a row, rows, a slice, a mask, or rows and names.
     ///
     /// # Errors

@@ -103,7 +103,7 @@ impl<'a> Aliases<'a> {
         };
         let source = if text.is_some() { expression.to_string() } else { source };
         let field = expression.as_column().and_then(|name| self.fields.iter().find(|field| field.name == name));
-        // What a file says of its units is the file's; what a person writes is meant.
+        // Units of a file are the file's; units that a person writes are deliberate.
         if let Some(text) = unit.filter(|text| field.is_none_or(|field| field.unit.as_deref() != Some(*text))) {
             Unit::parse(text).map_err(|error| Error::value(format!("{place} unit = \"{text}\": {error}")))?;
         }
@@ -137,7 +137,7 @@ impl<'a> Aliases<'a> {
 
     /// [`Aliases::over_aliases`] with latents beside the aliases; a latent hides a field of its name.
     pub fn over_latents(&mut self, text: &str, latents: &[String], place: &str) -> Result<Expr, Error> {
-        let names = self.own_names(latents);
+        let names = self.visible_names(latents);
         let expression = if names.contains(&text.trim()) {
             Expr::column(text.trim())
         } else {
@@ -152,7 +152,7 @@ impl<'a> Aliases<'a> {
     }
 
     /// The names that expressions over aliases may use.
-    fn own_names<'b>(&'b self, latents: &'b [String]) -> Vec<&'b str> {
+    fn visible_names<'b>(&'b self, latents: &'b [String]) -> Vec<&'b str> {
         self.texts
             .keys()
             .map(String::as_str)
@@ -163,8 +163,8 @@ impl<'a> Aliases<'a> {
     }
 
     /// The scope in which every alias stands for itself, with latents beside the aliases.
-    pub fn own_scope(&self, latents: &[String]) -> Scope {
-        self.scope_of(&self.own_names(latents))
+    pub fn alias_scope(&self, latents: &[String]) -> Scope {
+        self.scope_of(&self.visible_names(latents))
     }
 
     /// These names, and the rotations.
@@ -188,7 +188,7 @@ impl<'a> Aliases<'a> {
 
     /// Returns true if a name stands for a column already.
     pub fn has(&self, name: &str) -> bool {
-        self.own_names(&[]).contains(&name)
+        self.visible_names(&[]).contains(&name)
     }
 
     /// Lets these names stand in expressions without being columns: parameters, whose values are not known yet.

@@ -53,14 +53,14 @@ impl State {
     ) -> Result<Option<Vec<(String, State)>>, Error> {
         let place = STATES_SECTION.entry(name).to_string();
         let Some(kind) = self.kind.and_then(Kind::rotation) else {
-            let said = [
+            let entries = [
                 ("columns", self.columns.is_some()),
                 ("order", self.order.is_some()),
                 ("rate", self.rate.is_some()),
                 ("frame", self.frame.is_some()),
                 ("part", self.part.is_some()),
             ];
-            return match said.iter().find(|(_, said)| *said) {
+            return match entries.iter().find(|(_, is_set)| *is_set) {
                 Some((key, _)) => Err(Error::conflict(format!(
                     "{place} {key}: only rotations have it; write `kind = \"quaternion\"` or `kind = \"rotation-vector\"` beside it, or leave it out"
                 ))),
@@ -76,7 +76,7 @@ impl State {
                 ))),
             };
         }
-        self.refuse_what_is_of_single_states(&place)?;
+        self.refuse_state_entries(&place)?;
         let columns = self.columns_of(name, kind, &place, aliases, fields)?;
         let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
         let known = self.kinematics(kind, &names, &place, aliases, fields)?;
@@ -94,8 +94,8 @@ impl State {
         Ok(Some(columns.into_iter().enumerate().zip(known).map(part).collect()))
     }
 
-    fn refuse_what_is_of_single_states(&self, place: &str) -> Result<(), Error> {
-        let said = [
+    fn refuse_state_entries(&self, place: &str) -> Result<(), Error> {
+        let entries = [
             ("derivative", self.derivative.is_some()),
             ("known", self.known.is_some()),
             ("equation", self.equation.is_some()),
@@ -104,7 +104,7 @@ impl State {
             ("fixed", !self.fixed.is_empty()),
             ("unit", self.unit.is_some()),
         ];
-        match said.iter().find(|(_, said)| *said) {
+        match entries.iter().find(|(_, is_set)| *is_set) {
             Some((key, _)) => Err(Error::conflict(format!(
                 "{place} {key}: the equations of a rotation are its kinematics, given its `rate`; leave `{key}` out, and fit the equations of the rates"
             ))),
@@ -146,8 +146,8 @@ impl State {
             return Err(Error::conflict(format!("{place} order: it needs `columns`, which are missing")));
         }
         // The common beginning of the parts' names, itself or by an alias.
-        let said = self.column.as_deref().unwrap_or(name).trim();
-        let beginning = aliases.get(said).map_or(said, String::as_str).trim();
+        let stem = self.column.as_deref().unwrap_or(name).trim();
+        let beginning = aliases.get(stem).map_or(stem, String::as_str).trim();
         let is_known = |text: &String| aliases.contains_key(text) || fields.iter().any(|field| field.name == *text);
         for separator in SEPARATORS {
             let texts: Vec<String> = letters.iter().map(|letter| format!("{beginning}{separator}{letter}")).collect();
@@ -160,7 +160,7 @@ impl State {
             }
         }
         Err(Error::unknown(
-            said,
+            stem,
             format!(
                 "{place}: no columns `{beginning}.{}` and so on; name the {} of it: `columns = [...]`, or their common beginning: `column = \"/odom.pose.pose.orientation\"`",
                 letters[0],

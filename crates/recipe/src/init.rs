@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_a_recipe_before_and_after_uncommenting() {
+    fn draft_parses_before_and_after_uncommenting() {
         let names = ["t", "q_x", "q_y", "q_z", "q_w", "yaw", "v [m/s]", "odd \"name\""];
         let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();
         let mut clock = ClockInfo::default();

@@ -515,7 +515,7 @@ terrain = "grass"
     }
 
     #[test]
-    fn json_is_the_same_recipe_and_its_errors_have_a_place() {
+    fn json_recipe_is_equal_and_locates_errors() {
         let recipe = Recipe::parse(TEXT, "test").unwrap();
         let json = serde_json::to_string(&recipe).unwrap();
         assert_eq!(Recipe::from_json(&json, "json").unwrap(), recipe);
@@ -529,25 +529,25 @@ terrain = "grass"
     fn flags_override_the_recipe_and_conflicting_entries() {
         let text = "[pwa]\nfolds = 4\nseed = 3\n[sindy]\nterms = 3\nridge = 0.1\n[sparse]\nstability = true\n[latents]\nT = { of = [\"x\"], prior_strength = 2.0 }\n";
         let mut recipe = Recipe::parse(text, "test").unwrap();
-        recipe.say(PwaSection { folds: Some(8), tsqr: Some(false), ..PwaSection::default() });
+        recipe.override_with(PwaSection { folds: Some(8), tsqr: Some(false), ..PwaSection::default() });
         let expected = PwaSection { folds: Some(8), tsqr: Some(false), seed: Some(3), ..PwaSection::default() };
         assert_eq!(recipe.pwa, expected);
-        recipe.say(SindySection { threshold: Some(Tunable::Number(0.5)), ..SindySection::default() });
+        recipe.override_with(SindySection { threshold: Some(Tunable::Number(0.5)), ..SindySection::default() });
         assert_eq!((recipe.sindy.terms, recipe.sindy.ridge), (None, Some(0.1)));
-        recipe.say(SindySection { terms: Some(2), ..SindySection::default() });
+        recipe.override_with(SindySection { terms: Some(2), ..SindySection::default() });
         assert_eq!((recipe.sindy.terms, recipe.sindy.threshold.clone()), (Some(2), None));
-        recipe.say(SparseSection {
+        recipe.override_with(SparseSection {
             bolasso: Some("chunks".into()),
             prior_strength: Some(0.5),
             ..SparseSection::default()
         });
         assert_eq!((recipe.sparse.stability, recipe.latents["T"].prior_strength), (None, None));
-        recipe.say(SparseSection { stability: Some(true), ..SparseSection::default() });
+        recipe.override_with(SparseSection { stability: Some(true), ..SparseSection::default() });
         assert_eq!((recipe.sparse.stability, recipe.sparse.bolasso.clone()), (Some(true), None));
         let groups = Some(GroupWords::Word("signal".into()));
-        recipe.say(SparseSection { groups: groups.clone(), ..SparseSection::default() });
+        recipe.override_with(SparseSection { groups: groups.clone(), ..SparseSection::default() });
         assert_eq!((recipe.sparse.stability, &recipe.sparse.groups), (None, &groups));
-        recipe.say(SparseSection { bolasso: Some("rows".into()), ..SparseSection::default() });
+        recipe.override_with(SparseSection { bolasso: Some("rows".into()), ..SparseSection::default() });
         assert_eq!((recipe.sparse.bolasso.as_deref(), &recipe.sparse.groups), (Some("rows"), &None));
     }
 

@@ -98,7 +98,7 @@ impl Recipe {
     pub fn expand(&self, fields: &[Column]) -> Result<Self, Error> {
         let mut out = self.clone();
         out.columns = IndexMap::new();
-        // What each wildcard alias became.
+        // Fields of each wildcard alias.
         let mut aliases: IndexMap<&str, Vec<(String, String)>> = IndexMap::new();
         for (name, text) in &self.columns {
             match matches(text, fields, &COLUMNS.entry(name).to_string())? {

@@ -87,7 +87,7 @@ impl Bins {
 
     fn index(&self, place: f64) -> i64 {
         let share = place * self.inverse;
-        // What is just below zero may be so small that its share is none.
+        // A value just below zero may be so small that its share is none.
         if share == 0.0 && place < 0.0 {
             return -1;
         }
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_width_is_the_smallest_that_has_room() {
+    fn width_is_the_smallest_sufficient() {
         let bins = of(&[(3.0, 1), (3.5, 1), (6.9, 2)]);
         assert_eq!((bins.width(), bins.counts()), (1.0, vec![2, 0, 0, 1]));
         assert_eq!(bins.places(), [3.5, 4.5, 5.5, 6.5]);
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_left_out() {
+    fn non_finite_values_are_left_out() {
         let mut bins = Bins::new(3);
         bins.add(5.0, 1.0);
         bins.add(f64::NAN, 1.0);
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn means_that_differ_explain_and_others_do_not() {
+    fn only_different_means_explain() {
         let rows = || (0..4000).map(|row| (f64::from(row % 40), f64::from((row * 7919) % 101)));
         let mut noise = Bins::new(40);
         rows().for_each(|(place, value)| noise.add(place, value));

@@ -1,8 +1,8 @@
 //! Numbers as people write them.
 
 /// `1 episode`, `2 episodes`.
-pub fn count(number: usize, thing: &str) -> String {
-    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
+pub fn count(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
 /// Four significant digits.
@@ -76,9 +76,9 @@ pub fn within(value: f64, half_width: f64) -> String {
 }
 
 /// Things in a row: `a`, `a and b`, `a, b and c`; of more than `most` the first ones and how many more.
-pub fn series(things: &[String], most: usize) -> String {
-    let shown = &things[..things.len().min(most)];
-    match (shown, things.len() - shown.len()) {
+pub fn series(names: &[String], most: usize) -> String {
+    let shown = &names[..names.len().min(most)];
+    match (shown, names.len() - shown.len()) {
         ([], _) => String::new(),
         ([one], 0) => one.clone(),
         ([most @ .., last], 0) => format!("{} and {last}", most.join(", ")),

@@ -14,9 +14,9 @@ use fleetfoot_recipe::{ControlSchedule, ControlSection, Recipe, Settings, items}
 ///
 /// # Errors
 /// Settings that cannot be read, and those of [`lqr`].
-pub fn control_lqr(model: &Model, said: &ControlSection) -> Result<ControllerFile, Error> {
+pub fn control_lqr(model: &Model, section: &ControlSection) -> Result<ControllerFile, Error> {
     let recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
-    let settings = said.clone().over(recipe.control);
+    let settings = section.clone().over(recipe.control);
     let options = LqrOptions {
         setpoint: named("setpoint", settings.setpoint.as_deref())?,
         q: named("q", settings.q.as_deref())?,

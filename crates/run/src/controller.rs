@@ -70,7 +70,7 @@ pub fn controller_file(what: &str) -> Result<ControllerFile, Error> {
 /// # Errors
 /// Those of [`ControllerFile::from_json`].
 pub fn made_controller(path: &Path) -> Result<Option<ControllerFile>, Error> {
-    // What cannot be read is told by who reads it as something else.
+    // Unreadable files are reported by the reader of the other format.
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let marked = is_json(&text) && text.contains("\"fleetfoot_controller\"");
     marked.then(|| ControllerFile::from_json(&text, &path.display().to_string())).transpose()

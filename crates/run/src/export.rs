@@ -54,7 +54,7 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
 /// Those of [`crate::filter_of`]; another language than C, regions that are not affine; [`Error::Export`], those of writing.
 pub fn export_filter(
     model: &Model,
-    said: &FilterSection,
+    section: &FilterSection,
     options: &ExportOptions,
     folder: &Path,
     inputs: &[PathBuf],
@@ -65,7 +65,7 @@ pub fn export_filter(
             given_to = TO.to("c")
         )));
     }
-    let filter = crate::filter_of(model, said)?;
+    let filter = crate::filter_of(model, section)?;
     let tables = filter.tables().ok_or_else(|| {
         Error::conflict(
             "the regions of the model are not affine, so that code would have to linearise them at every step: leave the states whose equations multiply or rotate others out of the model"

@@ -1,6 +1,6 @@
 //! Recordings filtered by a model: `filter`.
 
-mod asked;
+mod resolved;
 mod row;
 mod sums;
 #[cfg(test)]
@@ -9,8 +9,6 @@ mod writer;
 
 use std::path::Path;
 
-use asked::Asked;
-pub use asked::filter_of;
 use fleetfoot_control::filter::{Consistency, SwitchedFilter};
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
 use fleetfoot_dataset::{
@@ -20,6 +18,8 @@ use fleetfoot_dataset::{
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{FilterSwitching, Recipe};
+use resolved::ResolvedFilter;
+pub use resolved::filter_of;
 pub use row::FilteredRows;
 use row::Follower;
 use serde::Serialize;
@@ -212,8 +212,9 @@ fn filter_pieces(
     mut take: impl FnMut(&SwitchedFilter, &FilteredRows) -> Result<(), Error> + Send,
 ) -> Result<Filtered, Error> {
     let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
-    recipe.say(changes.filter.clone());
-    let Asked { filter, readings, dataset, mut notes } = Asked::new(model, changes, &recipe.filter, logs, progress)?;
+    recipe.override_with(changes.filter.clone());
+    let ResolvedFilter { filter, readings, dataset, mut notes } =
+        ResolvedFilter::new(model, changes, &recipe.filter, logs, progress)?;
     notes.splice(0..0, dataset.notes().iter().cloned());
     let view = dataset.view()?;
     let pieces = blocks_of(&view, at_a_time);

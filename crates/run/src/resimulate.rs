@@ -128,7 +128,7 @@ pub fn resimulate(
     let kind = output.map(output::kind).transpose()?;
     let logs = logs.into();
     let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
-    recipe.say(changes.resimulate.clone());
+    recipe.override_with(changes.resimulate.clone());
     let options = options(&recipe.resimulate)?;
     let dataset = Dataset::for_run(model, changes, &logs, &|name| is_needed(model, name, true), progress)?;
     let view = dataset.view()?;
@@ -178,14 +178,14 @@ fn refused(error: EstimateError) -> Error {
 }
 
 /// Options of `[resimulate]`, checked if that is possible without the model.
-fn options(said: &ResimulateSection) -> Result<ResimulationOptions, Error> {
+fn options(section: &ResimulateSection) -> Result<ResimulationOptions, Error> {
     let mut options = ResimulationOptions::default();
-    options.every = said.every.unwrap_or(options.every);
-    options.widen = said.widen.unwrap_or(options.widen);
-    options.iterations = said.iterations.unwrap_or(options.iterations);
-    options.free = said.free.as_deref().map(words::names).unwrap_or_default();
-    options.deviations = said.deviations.as_deref().map(words::values).transpose()?.unwrap_or_default();
-    options.bounds = said.bounds.as_deref().map(words::bounds).transpose()?.unwrap_or_default();
+    options.every = section.every.unwrap_or(options.every);
+    options.widen = section.widen.unwrap_or(options.widen);
+    options.iterations = section.iterations.unwrap_or(options.iterations);
+    options.free = section.free.as_deref().map(words::names).unwrap_or_default();
+    options.deviations = section.deviations.as_deref().map(words::values).transpose()?.unwrap_or_default();
+    options.bounds = section.bounds.as_deref().map(words::bounds).transpose()?.unwrap_or_default();
     Ok(options)
 }
 
@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_take_infinity_as_it_is() {
+    fn quantiles_keep_infinity() {
         let spread = Spread::of([3.0, 1.0, f64::NAN, f64::INFINITY, 2.0].into_iter());
         assert_eq!((spread.median, spread.ninth, spread.worst), (2.5, f64::INFINITY, f64::INFINITY));
         assert!(Spread::of(std::iter::empty()).median.is_nan());

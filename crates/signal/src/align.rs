@@ -201,14 +201,14 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
         (first.without_gross_errors()?, second.without_gross_errors()?);
     let smoothed = smooth(second.times, &other, None, Spline::Cubic, Lambda::Likelihood)?;
     let other = &smoothed.derivatives[0];
-    // What the slower one does not follow is no common motion: of a gyroscope at 1 kHz beside poses at 100 Hz it would be most of the error.
+    // Motion that the slower channel does not follow is no common motion: of a gyroscope at 1 kHz beside poses at 100 Hz it would be most of the error.
     let period = first.period().max(second.period());
     let common = |record: Record<'_>, values: &[f64]| match 2.0 * record.period() <= period {
         true => means(record.times, values, period),
         false => values.to_vec(),
     };
-    let (own_values, other) = (common(first, &first_part), common(second, other));
-    let (first, second) = (Record { values: &own_values, ..first }, Record { values: &other, ..second });
+    let (first_values, other) = (common(first, &first_part), common(second, other));
+    let (first, second) = (Record { values: &first_values, ..first }, Record { values: &other, ..second });
     let left_out = [first_out, second_out];
     let pair =
         Pair { first, second, within, left_out, at: 0.5 * (first.times[0] + first.times[first.times.len() - 1]) };

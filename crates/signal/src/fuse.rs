@@ -236,10 +236,10 @@ fn round(problem: &mut Problem<'_>, progress: &mut Progress) -> Result<bool, Sig
         let whole = problem.whole()?;
         let shares = problem.shares(&whole)?;
         change = problem.take_noise(&shares, &mut progress.changes);
-        // What follows is to come to rest with noise that stays.
+        // The following iterations come to rest at constant noise.
         progress.rested = change < 1.0 && !progress.moving;
     }
-    // What is far off is known once the noise nearly is.
+    // Outliers are known once the noise nearly is.
     let mut chosen = false;
     if problem.options.gate > 0.0 && change < NEARLY {
         chosen = choose(problem, &mut progress.contradicted)?;
@@ -258,7 +258,7 @@ fn choose(problem: &mut Problem<'_>, contradicted: &mut usize) -> Result<bool, S
     if chosen {
         problem.at_rest = None;
     }
-    // What most poses contradict is no motion of this body.
+    // Readings that most poses contradict are no motion of this body.
     let used = || problem.tracks.iter().flat_map(|track| &track.used);
     let all = used().count() + *contradicted;
     let is_rare = |which: usize| 2 * used().filter(|used| used[which]).count() < all;

@@ -67,10 +67,10 @@ pub fn fuse_joint(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Fused
         rounds += 1;
         let passes = problem.passes()?;
         let moved = problem.move_constants(&passes)?;
-        // What is far off is known once the noise nearly is.
+        // Outliers are known once the noise nearly is.
         let change = problem.take_noise(&passes);
         let chosen = problem.weigh(&passes, change < 2.0);
-        // Where nothing changed at all, another pass over the readings says the same.
+        // Without any change, another pass over the readings gives the same.
         let rests = moved == 0.0 && change == 1.0 && !chosen;
         converged = rests || (rounds > 1 && moved < STILL && change < SAME && !chosen);
         last = rests.then_some(passes);

@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_deepest_of_two_valleys_is_found() {
+    fn deepest_of_two_valleys_is_chosen() {
         let f = |x: f64| (2.0 * x).cos() + 0.2 * (x - 4.0) * (x - 4.0);
         let minimum = least(0.0, 10.0, 1e-4, f);
         let fine = (0..=1_000_000).map(|i| f64::from(i) * 1e-5).min_by(|&a, &b| f(a).total_cmp(&f(b))).unwrap();
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smooth_valley_takes_few_steps_and_a_rough_one_ends() {
+    fn smooth_valleys_take_few_steps() {
         let steps = std::sync::atomic::AtomicUsize::new(0);
         let counted = |x: f64| {
             steps.fetch_add(1, std::sync::atomic::Ordering::Relaxed);

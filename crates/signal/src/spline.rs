@@ -240,7 +240,7 @@ impl<'a> Channel<'a> {
     fn deviances<const M: usize>(&self, lambdas: &[f64], most: f64) -> Vec<f64> {
         let floor = self.floor();
         let deviance = |Likelihood { squares, log_variance, count }: &Likelihood| {
-            // What is rounding is none either.
+            // Noise at the level of rounding is none either.
             if *squares > (most * *count as f64).max(floor) {
                 return f64::INFINITY;
             }

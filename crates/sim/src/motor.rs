@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn it_runs_up_exponentially_with_its_time_constant_whatever_the_step() {
+    fn motor_accelerates_with_its_time_constant() {
         let motor = frictionless();
         let constant = motor.gear_ratio * motor.torque_constant;
         // J R / (N k)^2.
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn torque_falls_along_its_line_from_stall_to_no_load() {
+    fn torque_falls_linearly_with_speed() {
         let motor = frictionless();
         let constant = motor.gear_ratio * motor.torque_constant;
         let supply = Supply::Voltage(1.5);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_holds_below_its_limit_and_stops_a_coasting_output_in_time() {
+    fn friction_holds_and_stops_the_output() {
         let motor = DcMotor { viscous_friction: 0.0, coulomb_friction: 1e-3, ..DcMotor::default() };
         assert_eq!(motor.advance(Supply::Open, 0.0, 0.9e-3, 1e-3), 0.0);
         assert!(motor.advance(Supply::Open, 0.0, 1.1e-3, 1e-3) > 0.0);

@@ -79,19 +79,19 @@ mod tests {
     use crate::kernel::dot;
 
     #[test]
-    fn products_are_those_of_the_columns_whenever_they_were_made() {
+    fn cached_products_match_columns() {
         let a = Slab::from_fn(37, 300, |i, j| ((i * (j + 3) + 5 * j) as f64 * 0.37).sin());
         let mut ahead = Ahead::default();
-        let mut asked = 0;
+        let mut calls = 0;
         for j in [5, 6, 7, 250, 5, 30, 31, 100, 120, 140, 160, 180, 200, 220, 5, 6] {
             let next = |most: usize| {
-                asked += 1;
+                calls += 1;
                 (j..300).take(most).collect()
             };
             let product = ahead.of(&a, j, next);
             assert!((0..300).all(|i| (product(i) - dot(a.column(i), a.column(j))).abs() < 1e-12));
         }
         // 6, 7, 31 and the second 5 were known, and the last 6 was made with the last 5.
-        assert_eq!(asked, 11);
+        assert_eq!(calls, 11);
     }
 }

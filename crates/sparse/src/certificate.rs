@@ -160,7 +160,7 @@ impl<S: Shape> Point<'_, S> {
             for &j in used {
                 gradient[j] = original[j] - explained[j] - ridge(j) * step[j];
             }
-            // What is reached but for rounding is reached. Without a penalty all columns get there; with one, columns that depend on each other may not.
+            // A limit that is reached but for rounding is reached. Without a penalty all columns get there; with one, columns that depend on each other may not.
             for &j in &moved {
                 if self.shape.limit(j) == 0.0 || (gradient[j] - wanted[j]).abs() <= REACHED {
                     gradient[j] = wanted[j];

@@ -253,7 +253,7 @@ mod tests {
         };
         let mut factor = GrowingFactor::default();
         let mut order: Vec<usize> = Vec::new();
-        // What leaves, and what joins then.
+        // Columns that leave, and columns that join then.
         let steps: [(&[usize], &[usize]); 6] = [
             (&[], &[3, 0, 7, 5]),
             (&[1], &[]),

@@ -193,7 +193,7 @@ impl Formed {
             }
             column[at] = products.pair(j, j) + ridge(j);
         }
-        // What is known of the others stands in the columns that are new.
+        // Known products of the others stand in the new columns.
         mirror(&mut matrix, known, working.len());
         self.working.clear();
         self.working.extend_from_slice(working);
@@ -231,7 +231,7 @@ impl<'a> Descent<'a> {
         // A column may have risen by as much as the penalty fell. Where a pair of columns costs all rows, those are taken that break their limits as it is, and
         // the others when they do.
         let fell = if self.left.products.joined().is_some() { 0.0 } else { (self.l1 - l1).max(0.0) };
-        // Where nothing is penalised any more, the solution is the path's limit among the many that fewer rows than columns may have: of the columns that were at
+        // If nothing is penalised any more, the solution is the path's limit among the many that fewer rows than columns may have: of the columns that were at
         // their limits.
         let bound = |j: usize| match (limit[j] == 0.0, self.weights.omega[j]) {
             (true, omega) => self.l1 * omega * (1.0 - TIED),

@@ -162,7 +162,7 @@ impl<'a> Factor<'a> {
         }) else {
             return false;
         };
-        // What is active is orthogonal to the new direction, by construction.
+        // Active columns are orthogonal to the new direction, by construction.
         column[..k].fill(0.0);
         column[row] = pivot;
         let against: f64 = u.iter().zip(&self.t).map(|(u, t)| u * t).sum();

@@ -65,7 +65,7 @@ pub fn lars(problem: &Quadratic, penalty: &Penalty, options: &LarsOptions) -> Re
     let left = (0..problem.columns()).filter(|&j| weights.used(j)).count() - homotopy.active();
     let mut knots = finish(problem, &weights, points);
     let mut status = status;
-    // Where the condition number has eaten all digits, what follows is noise: the path ends before.
+    // The path ends once the condition number has used up all digits: later knots are noise.
     if let Some(first) =
         knots.iter().position(|knot| watch && (knot.certificate.kkt > CERTIFIED || knot.certificate.kkt.is_nan()))
     {

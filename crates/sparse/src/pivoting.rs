@@ -51,7 +51,7 @@ impl Pivots {
         let before = delta.to_vec();
         let mut side: Vec<f64> = delta.iter().map(|&value| if value == 0.0 { 0.0 } else { value.signum() }).collect();
         let (mut fewest, mut tries) = (usize::MAX, TRIES);
-        // How many may enter at once, how many ever again, and what the last exchange was.
+        // Number that may enter at once, number that may ever enter again, and the last exchange.
         let (mut room, mut ceiling, mut last) = (usize::MAX, usize::MAX, Exchange::default());
         for round in 1..=most {
             checkpoint();
@@ -74,7 +74,7 @@ impl Pivots {
             last = Exchange::of(small, delta, &gradient, tolerance, &side);
             let changed = last.changes;
             if changed == 0 {
-                // What rounding of the factor has left.
+                // Rounding error of the factor.
                 self.step(small, working, &side, delta, &gradient);
                 gradient = small.gradient(delta);
                 if small.violation(delta, &gradient) <= tolerance {
@@ -85,7 +85,7 @@ impl Pivots {
             if changed < fewest {
                 (fewest, tries) = (changed, TRIES);
             } else if room < last.entering.len() {
-                // What had no room to enter says nothing of circles.
+                // Columns without room to enter are no sign of cycling.
             } else if tries > 0 {
                 tries -= 1;
             } else {
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_lead_where_sweeps_do_along_a_path() {
+    fn block_and_sweep_paths_agree() {
         for sign in [Sign::Free, Sign::NonNegative] {
             let (mut pivots, mut delta) = (Pivots::default(), vec![0.0; 90]);
             // Not all columns, so that places and columns differ.

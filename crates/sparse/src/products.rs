@@ -311,7 +311,7 @@ mod tests {
         assert!(check(&products).iter().all(|j| j % 3 == 1));
         products.form(&[3, 4, 5]);
         assert_eq!(check(&products).len(), 135);
-        // What is lent comes back with another diagonal.
+        // Lent products come back with another diagonal.
         let mut matrix = products.lend().unwrap();
         (0..135).for_each(|k| matrix.column_mut(k)[k] = 7.0);
         assert_eq!(products.bring_back(matrix), None);

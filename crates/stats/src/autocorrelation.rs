@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn coefficients_are_those_of_the_definition() {
+    fn coefficients_match_definition() {
         let wave = |from: usize| (from..from + 90).map(|row| (0.3 * row as f64).sin() + 0.1 * (row % 7) as f64 + 2.0);
         let mut parts: Vec<Vec<f64>> = vec![wave(0).collect(), wave(1000).collect(), vec![5.0]];
         parts[1][17] = f64::NAN;
@@ -190,7 +190,7 @@ mod tests {
             prop_assert_eq!((&joined.pairs, &joined.squares), (&whole.pairs, &whole.squares));
             let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
             prop_assert_eq!(bits(&joined.coefficients()), bits(&whole.coefficients()));
-            // What follows makes the same pairs.
+            // The following rows make the same pairs.
             let (mut a, mut b) = (whole, joined);
             (0..20).for_each(|value| [&mut a, &mut b].into_iter().for_each(|one| one.push(f64::from(value))));
             prop_assert_eq!(&a.pairs, &b.pairs);

@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn an_autoregression_of_first_order_has_its_correlation_time() {
+    fn first_order_autoregression_has_correlation_time() {
         // (1 + a) / (1 - a) of 0.9 and 0.5.
         let (one, other) = (0.9, 0.5);
         let estimate =

@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn short_chunks_are_joined_and_long_ones_are_not() {
+    fn only_short_chunks_are_joined() {
         let chunks = |episodes: &[(usize, u64)]| -> Vec<(EpisodeId, u64)> {
             let chunks_of_episode =
                 |(e, &(count, rows)): (usize, &(usize, u64))| vec![(EpisodeId(e as u128), rows); count];

@@ -185,7 +185,7 @@ mod tests {
         }
 
         #[test]
-        fn bytes_that_end_early_or_go_on_are_refused(stats in statistics(), cut in any::<prop::sample::Index>()) {
+        fn truncated_or_trailing_bytes_are_refused(stats in statistics(), cut in any::<prop::sample::Index>()) {
             let mut bytes = stats.to_bytes();
             prop_assert!(Stats::from_bytes("plan", &bytes[..cut.index(bytes.len())]).is_err());
             bytes.push(0);

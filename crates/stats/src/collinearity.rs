@@ -44,7 +44,7 @@ impl Gram {
         });
         // Of a symmetric matrix without negative eigenvalues these are the singular values.
         let factors = svd(correlation.as_ref())?;
-        // What is below the rounding of the correlations is as good as zero.
+        // Values below the rounding of the correlations are as good as zero.
         let least = m as f64 * f64::EPSILON;
         let harm =
             |direction: usize, column: usize| factors.v[(column, direction)].powi(2) / factors.s[direction].max(least);
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn eigenvalues_are_those_of_the_correlations() {
+    fn eigenvalues_match_correlations() {
         let weakest = of_rest(0.0);
         assert_eq!(weakest.columns, [0, 1, 2, 3], "the constant column is left out");
         // Correlations of the sum with its parts: 1/sqrt(2). Of that block the eigenvalues are 2, 1 and 0.

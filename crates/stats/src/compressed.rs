@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_those_of_the_rows() {
+    fn errors_match_rows() {
         let x = rows();
         let change = Preconditioner::from_pilot(x.as_ref(), 3);
         let mut z = x.clone();

@@ -37,9 +37,9 @@ impl Concentration {
         // By what a row of them weighs; equal ones in their order.
         heaviest.sort_by(|a, b| (b.1 / b.2.max(1.0)).total_cmp(&(a.1 / a.2.max(1.0))));
         let (mut rows, mut squares) = (0.0, 0.0);
-        for (count, (_, own_squares, own_rows)) in heaviest.iter().enumerate() {
-            rows += own_rows / all.rows as f64;
-            squares += own_squares / all.get(column, column);
+        for (count, (_, chunk_squares, chunk_row_count)) in heaviest.iter().enumerate() {
+            rows += chunk_row_count / all.rows as f64;
+            squares += chunk_squares / all.get(column, column);
             if rows > if count == 0 { FEW_OF_ONE } else { FEW } {
                 return None;
             }
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn variance_in_two_chunks_is_detected_and_spread_variance_is_not() {
+    fn only_concentrated_variance_is_detected() {
         assert_eq!(of(&sums(100, |_, _, _| None)), None);
         let fall = |episode, chunk, row| {
             (episode == 7 && (chunk == 41 || chunk == 42 && row < 3)).then_some([90.0, -90.0][row % 2])

@@ -260,11 +260,11 @@ impl FoldLayout {
 
     /// The neighbouring folds that rows of a span do not train for.
     fn neighbours(&self, spans: &[(Range<usize>, u16)], at: usize, unit: &Range<usize>) -> [Option<u16>; 2] {
-        // What was summed in one piece is purged in one piece; for correlation alone only if it is no more than a gap may be.
+        // Rows that were summed in one piece are purged in one piece; for correlation alone only if they are no more than a gap may be.
         let span = &spans[at].0;
         let small = unit.len() <= (span.len() / TENTH).max(1);
         let inner = if small { self.gap(spans, at) } else { self.within(spans, at, |span| self.purge.certain(span)) };
-        // What reaches over a border without a gap stays.
+        // Pieces that reach over a border without a gap stay.
         let previous = inner.start > span.start && unit.start < inner.start;
         let next = inner.end < span.end && unit.end > inner.end;
         [previous.then(|| spans[at - 1].1), next.then(|| spans[at + 1].1)]
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn every_number_of_folds_gives_that_many_folds() {
+    fn layout_has_the_requested_folds() {
         for (rule, folds, spans) in [
             (FoldRule::Auto, 10, 10),
             (FoldRule::Count(2), 2, 6),
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_of_rows_are_held_out_whole_and_purged_when_they_are_short() {
+    fn chunks_are_held_out_whole() {
         let layout = layout(FoldRule::Count(5), &[500], alike(0, 7));
         let place = |rows: Range<usize>| layout.place(EpisodeId(0), 500, rows);
         assert_eq!(place(100..105), Fold { held_out: 1, purged: [Some(0), None] });

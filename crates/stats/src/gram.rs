@@ -50,7 +50,7 @@ impl Gram {
                 }
                 gram.scatter[packed_row(i) + i] = gram.scatter[packed_row(i) + i].max(0.0);
             }
-            // What the shift leaves of a column that does not vary is rounding, and no direction of its own.
+            // The remainder of a constant column after the shift is rounding, and no direction of its own.
             for i in 0..d {
                 if gram.scatter[packed_row(i) + i] <= ROUNDING * second[packed_row(i) + i] {
                     (0..d).for_each(|j| gram.scatter[packed_row(i.max(j)) + i.min(j)] = 0.0);

@@ -135,7 +135,7 @@ mod tests {
         assert!(plain.low < 0.0 && errors.low > 0.0 && errors.high > plain.high, "{errors:?}");
         assert_eq!(errors.value, plain.value);
         assert!((errors.low * errors.high - errors.value * errors.value).abs() < 1e-9);
-        // Where parts agree, both are the same to the second order.
+        // If the parts agree, both are the same to the second order.
         let parts = [(1.0, 1.0), (1.01, 1.0), (0.99, 1.0)];
         let (plain, errors) = (Estimate::of_ratio(parts), Estimate::of_errors(parts));
         assert!((plain.low - errors.low).abs() < 1e-3 && (plain.high - errors.high).abs() < 1e-3);

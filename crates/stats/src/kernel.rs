@@ -511,7 +511,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slab_keeps_what_it_has_when_it_changes_its_size() {
+    fn resized_slab_keeps_its_content() {
         let entry = |i: usize, j: usize| (10 * i + j + 1) as f64;
         for (rows, columns) in [(3, 4), (9, 2), (17, 30)] {
             for (more, wider) in [(3, 4), (8, 1), (9, 9), (40, 31), (0, 0), (2, 50)] {
@@ -524,7 +524,7 @@ mod tests {
     }
 
     #[test]
-    fn products_and_sums_are_those_of_plain_loops() {
+    fn products_and_sums_match_plain_loops() {
         for (rows, columns) in [(1, 1), (7, 3), (8, 4), (37, 11), (64, 9)] {
             let slab = Slab::from_fn(rows, columns, |i, j| ((3 * i + 5 * j) % 7) as f64 - 2.0);
             let x: Vec<f64> = (0..columns).map(|j| j as f64 - 1.5).collect();

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn one_dimension_is_the_error_in_standard_deviations() {
+    fn one_dimensional_score_is_the_standardised_error() {
         let metric = Mahalanobis::of_covariance(&[1e-18], 1);
         assert!((metric.score(&[3e-9]) - 3.0).abs() < 1e-12);
     }

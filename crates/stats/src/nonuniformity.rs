@@ -25,7 +25,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_zero_for_uniform_weights_and_one_for_a_single_bin() {
+    fn nonuniformity_ranges_from_zero_to_one() {
         assert!(nonuniformity([3.0; 7]).abs() < 1e-15);
         assert!((nonuniformity([0.0, 0.0, 5.0, 0.0]) - 1.0).abs() < 1e-15);
         // Half of the bins: norm = 1 / sqrt(2), d = 4: (sqrt 2 - 1) / (2 - 1).

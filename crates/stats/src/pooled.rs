@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_a_ridge_are_those_of_the_ridge() {
+    fn ridge_rows_match_ridge() {
         let square_root = root(&columns(3, 30));
         let prior = Mat::from_fn(2, 1, |i, _| [0.4, -2.0][i]);
         let scale = [0.7, 0.2];

@@ -94,7 +94,7 @@ impl Preconditioner {
         let used: Vec<usize> = (0..rows.nrows()).filter(|&i| finite[i]).collect();
         let (columns, r) = factor_pilot(rows, &used, p);
         let n = (used.len() as f64).max(1.0);
-        // What the numbers themselves are rounded to, beside what the factorisation rounds.
+        // Rounding of the numbers themselves, beside that of the factorisation.
         let noise: Vec<f64> =
             columns[..p].iter().map(|c| noise_level(p) * (1.0 + n.sqrt() * c.centre.abs() / c.length)).collect();
         let regressors = Mat::from_fn(d, p, |i, j| r[(i, j)]);
@@ -547,7 +547,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_triangle_of_products_is_that_of_the_rows_where_they_are_well_conditioned() {
+    fn triangle_of_products_matches_well_conditioned_rows() {
         let (n, p, d) = (900, 300, 302);
         let value = |i: usize, j: usize| (0.731 * (i * (2 * j + 3) + 7 * j * j) as f64).sin() / (n as f64 / 2.0).sqrt();
         let mut rows = Slab::from_fn(n, d, value);
@@ -559,7 +559,7 @@ mod tests {
                 assert!((factor[(i, j)] - r[(i, j)]).abs() < 1e-12, "{i} {j}: {} {}", factor[(i, j)], r[(i, j)]);
             }
         }
-        // What is left of a target, whatever other target explains of it.
+        // Residual of a target, whatever another target explains of it.
         let left = |t: usize| (p..=t).map(|i| r[(i, t)] * r[(i, t)]).sum::<f64>().sqrt();
         (p..d).for_each(|t| assert!((factor[(t, t)] - left(t)).abs() < 1e-12, "{t}"));
         // A column that is nearly another one.

@@ -29,7 +29,7 @@ impl Preconditioner {
         for (k, &column) in self.order().iter().enumerate() {
             magnitude[column] = made_from[k] + weight.sqrt() * mean_x[column].abs().max(self.centre()[column].abs());
         }
-        // What the Cholesky factor lost in weak directions leaks into the directions that it does not see.
+        // Errors of the Cholesky factor in weak directions leak into the directions that it does not see.
         let leak = if rank < p { condition } else { 1.0 };
         SquareRoot::assemble(
             (gram.rows, weight),

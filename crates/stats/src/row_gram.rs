@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_that_of_all_rows_at_once() {
+    fn row_gram_matches_all_rows() {
         for n in [0, 1, ROWS - 1, ROWS, 3 * ROWS + 17] {
             let rows = Mat::from_fn(n, 3, |i, j| ((i * (j + 1)) as f64 * 0.7).sin() + 100.0 * j as f64);
             let mut stream = RowGram::new(3);

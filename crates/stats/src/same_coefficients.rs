@@ -62,7 +62,7 @@ impl Preconditioner {
         }
         let noise = noise_level(p);
         let rounding = (0..q).map(|t| {
-            // What is left of the Gram's own entry, and of the numbers that the entry was made of.
+            // Remainder of the Gram's entry, and of the numbers that the entry was made of.
             let (column, diagonal) = (self.column(p + t), gram.get(p + t, p + t));
             let size = column[p + t];
             let predicted: f64 = column[..p].iter().enumerate().map(|(k, b)| b * b * gram.get(k, k)).sum();
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ratio_is_that_of_dense_fits() {
+    fn ratio_matches_dense_fits() {
         for (seed, differs) in [(1, 0.0), (2, 0.05), (3, 2.0)] {
             let (a, b) = (rows(seed, 80, 0.0), rows(seed + 100, 50, differs));
             let test = tested(&a, &b, 1.0).unwrap();

@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scores_are_those_of_the_rows() {
+    fn scores_match_rows() {
         let (n, p) = (90, 4);
         let value = |i: usize, j: usize| {
             let t = i as f64 * 0.1;

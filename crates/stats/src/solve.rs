@@ -188,7 +188,7 @@ mod tests {
 
     /// Fewer rows than columns, a column that does not vary, and one that is another: the solution of least norm is that of the pseudoinverse.
     #[test]
-    fn the_least_norm_of_many_columns_is_that_of_the_pseudoinverse() {
+    fn least_norm_matches_pseudoinverse() {
         let (n, p) = (201, 300);
         let x = Mat::from_fn(n, p, |i, j| match j {
             7 => 3.0,
@@ -215,7 +215,7 @@ mod tests {
             (0..p).for_each(|j| expected[j] += share * v[(j, k)] / scale[j]);
         }
         assert_eq!((solution.rank, solution.coefficients[(7, 0)]), (rank, 0.0));
-        // What the least singular value magnifies.
+        // Amplification by the least singular value.
         let tolerance = 1e-13 * s[0] / s[rank - 1];
         for (j, expected) in expected.iter().enumerate() {
             let coefficient = solution.coefficients[(j, 0)];

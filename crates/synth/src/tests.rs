@@ -228,7 +228,7 @@ fn columns(recording: &Recording, columns: &[&str]) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn the_bytes_depend_on_the_seed_and_not_on_the_threads() {
+fn bytes_depend_on_seed_only() {
     for format in [Format::Mcap, Format::Parquet] {
         let on = |threads| with_threads(threads, || written(|job| job.format = format));
         let one = on(1);
@@ -244,7 +244,7 @@ fn the_bytes_depend_on_the_seed_and_not_on_the_threads() {
 }
 
 #[test]
-fn a_run_is_the_same_however_many_there_are() {
+fn run_does_not_depend_on_run_count() {
     let many = written(|job| job.runs = 5);
     let few = written(|job| job.runs = 2);
     assert!(many[1] == few[1]);
@@ -310,7 +310,7 @@ fn excitations_are_compared_by_determinants() {
 }
 
 #[test]
-fn a_fault_ends_a_run_whose_file_is_whole() {
+fn fault_leaves_a_complete_file() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = job(folder.path());
     job.world.set("fault_angle", "0.2").unwrap();
@@ -359,7 +359,7 @@ fn speeds_are_spread_over_the_runs() {
 }
 
 #[test]
-fn worlds_are_read_as_they_are_printed_and_errors_name_the_place() {
+fn printed_worlds_read_back_equal() {
     let world = world();
     for text in [world.to_toml(), world.to_commented_toml(), String::new()] {
         assert_eq!(world.parse(&text, "again").unwrap().to_toml(), world.to_toml());

@@ -187,7 +187,7 @@ impl World {
 /// An error of a world file, with the nearest name when a name is unknown.
 fn world_error(name: &str, problem: &str) -> Error {
     let problem = problem.trim_end();
-    // What serde says of a key or a word that it does not know: "unknown field `a`, expected one of `b`, `c`".
+    // Text of serde about an unknown key or word: "unknown field `a`, expected one of `b`, `c`".
     let unknown = ["unknown field", "unknown variant"].iter().find_map(|what| problem.split_once(what));
     let hint = unknown.map(|(_, rest)| {
         let mut names = rest.split('`').skip(1).step_by(2);

@@ -12,7 +12,7 @@ use fleetfoot_sparse::constrained::Limit;
 pub struct CoefficientLimit {
     /// The constraint.
     pub name: String,
-    /// Whose coefficient it is: the number of the latent, or of the fitted equation.
+    /// Owner of the coefficient: the number of the latent, or of the fitted equation.
     pub owner: usize,
     /// The number of the candidate among those of its owner.
     pub candidate: usize,

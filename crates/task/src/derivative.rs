@@ -5,16 +5,16 @@ use fleetfoot_recipe::{Aliases, Derivative, Error};
 
 /// Measured derivative of `x`, as an expression; `place`: its place in the recipe, for messages.
 pub(crate) fn measured(
-    said: Option<&Derivative>,
+    derivative: Option<&Derivative>,
     x: &Expr,
     angle: bool,
     place: &str,
     aliases: &mut Aliases<'_>,
 ) -> Result<Expr, Error> {
-    if let Some(central) = Derivative::central(said, x, angle) {
+    if let Some(central) = Derivative::central(derivative, x, angle) {
         return Ok(central.expression());
     }
-    match said {
+    match derivative {
         Some(Derivative::Text(word)) if word == "forward" => Ok(forward_difference(x, angle)),
         Some(Derivative::Text(word)) if word == "backward" => Ok(backward_difference(x, angle)),
         Some(Derivative::Text(text)) => aliases.over_aliases(text, &format!("{place} derivative")),

@@ -72,9 +72,9 @@ impl SettledDifference {
 impl Difference {
     /// The difference that measures the derivative, if it is a central one. `said`: the difference that a word names;
     /// else it is recognised in the written expression.
-    pub fn of(said: Option<CentralDifference>, any_order: bool, measured: &Expr) -> Option<Self> {
-        let any_spacing = said.is_some();
-        let form = said.or_else(|| CentralDifference::recognised(measured))?;
+    pub fn of(central: Option<CentralDifference>, any_order: bool, measured: &Expr) -> Option<Self> {
+        let any_spacing = central.is_some();
+        let form = central.or_else(|| CentralDifference::recognised(measured))?;
         Some(Self { form, any_order, any_spacing, errors: None })
     }
 

@@ -153,10 +153,10 @@ impl EquationTask {
             }
             let subject = Expr::column(equation.subject.as_str());
             let angle = state.is_some_and(|state| state.kind == Some(Kind::Angle));
-            let said = state.and_then(|state| state.derivative.as_ref());
+            let choice = state.and_then(|state| state.derivative.as_ref());
             let derivative = equation.prediction == Prediction::Derivative;
-            let central = Derivative::central(said, &subject, angle).filter(|_| derivative);
-            let central = Difference::of(central, derivative && Derivative::is_any_order(said), &measured);
+            let central = Derivative::central(choice, &subject, angle).filter(|_| derivative);
+            let central = Difference::of(central, derivative && Derivative::is_any_order(choice), &measured);
             let central = central.filter(|_| derivative);
             fitted.push(FittedEquation {
                 label: equation.label(),
@@ -399,7 +399,7 @@ impl Reader<'_> {
             Err(error) if self.recipe.library.functions.is_empty() && state.is_none() => return Err(error),
             Err(_) => Vec::new(),
         };
-        let scope = aliases.own_scope(self.names);
+        let scope = aliases.alias_scope(self.names);
         let vocabulary = Vocabulary { variables: &variables, scope: &scope };
         let place = &state.map_or_else(|| LIBRARY_SECTION.entry("functions").to_string(), str::to_owned);
         let library =

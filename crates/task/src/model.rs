@@ -183,7 +183,7 @@ impl EquationTask {
         names.extend(self.equations.iter().map(|equation| equation.subject.clone()));
         let kept = |column: &&Column| column.role != Role::Auxiliary || names.contains(&column.name);
         let spoken: Vec<Column> = self.columns.iter().filter(kept).cloned().collect();
-        // What the columns that are spoken of are computed from in a simulation has the name that it has here.
+        // Sources of these columns in a simulation keep the names of this model.
         let sources: Vec<String> =
             auxiliary_columns(&spoken, &self.equations).into_iter().map(|column| column.source).collect();
         let kept = |column: &&Column| kept(column) || sources.contains(&column.source);

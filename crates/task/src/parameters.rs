@@ -61,7 +61,7 @@ impl ParametersTask {
             if !is_part && names.iter().any(|name| uses(&equation.right, name)) {
                 let (name, model) = (equation.label(), equation.right.clone());
                 residuals.push(Residual { name, target: target.clone(), model, weight: 1.0 });
-                // What is estimated is scored like what is fitted.
+                // Estimated targets are scored like fitted ones.
                 equation.target = Some(target);
             }
         }

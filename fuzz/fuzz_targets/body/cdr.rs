@@ -3,7 +3,7 @@
 //! An input is: one byte for the encodings, the lengths of the schema and of the fields (16 bits each, little-endian), the schema, the fields
 //! (the name of the type, then a path a line), and the message.
 //!
-//! Nothing may panic, hang or allocate beyond measure, and the two decoders must agree: what the whole message holds is what the compiled
+//! No input may cause a panic, a hang or allocation beyond measure, and the two decoders must agree: the whole message holds what the compiled
 //! extractor finds, both under the names that the input asks for and under those that the fields of the message are listed by.
 
 use fleetfoot_message::{Codec, FieldInfo, FieldKind, FieldPath, FieldTree, Row, Step, Value, codec};
@@ -49,7 +49,7 @@ impl<'a> Input<'a> {
     }
 }
 
-/// What a path without names leads to: `None` where it leads nowhere, or into what is not decoded for people.
+/// Field that a path without names leads to: `None` for no field, or for one that is not decoded for people.
 fn follow<'a>(mut value: &'a Value, path: &FieldPath) -> Option<&'a Value> {
     for step in &path.steps {
         value = match (step, value) {
@@ -78,11 +78,11 @@ fn compare(codec: &dyn Codec, fields: &[FieldPath], message: &[u8]) {
         if let Err(error) = result {
             panic!("the message as a whole is sound, but: {error}");
         }
-        for (path, &found) in fields.iter().zip(&row.values) {
+        for (path, &extracted) in fields.iter().zip(&row.values) {
             if let Some(expected) = follow(whole, path).and_then(Value::number) {
                 assert!(
-                    found == expected || (found.is_nan() && expected.is_nan()),
-                    "{path} is {expected}, and was extracted as {found}"
+                    extracted == expected || (extracted.is_nan() && expected.is_nan()),
+                    "{path} is {expected}, and was extracted as {extracted}"
                 );
             }
         }
@@ -112,16 +112,16 @@ fn extract_listed(codec: &dyn Codec, message: &[u8]) {
         if field.count + field.missing > 1 {
             continue;
         }
-        let found = row.values[slot];
+        let extracted = row.values[slot];
         if field.kind == FieldKind::Text {
             // Long texts are not listed.
             let Some(text) = field.texts.first() else { continue };
-            let found = row.is_text[slot].then(|| &row.texts.names()[found as usize]);
-            assert_eq!(found, Some(text), "{}", field.path);
+            let extracted = row.is_text[slot].then(|| &row.texts.names()[extracted as usize]);
+            assert_eq!(extracted, Some(text), "{}", field.path);
         } else {
             assert!(
-                found == field.mean || (found.is_nan() && field.mean.is_nan()),
-                "{} is listed as {}, and was extracted as {found}",
+                extracted == field.mean || (extracted.is_nan() && field.mean.is_nan()),
+                "{} is listed as {}, and was extracted as {extracted}",
                 field.path,
                 field.mean
             );

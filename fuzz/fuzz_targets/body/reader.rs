@@ -15,8 +15,8 @@ const MAX_COLUMNS: usize = 32;
 fn columns(path: &Path) -> Vec<String> {
     let quick = inspect(path);
     let scanned = inspect_values(path, &Silent);
-    let found = scanned.or(quick).map(|info| info.columns).unwrap_or_default();
-    found
+    let listed = scanned.or(quick).map(|info| info.columns).unwrap_or_default();
+    listed
         .into_iter()
         .filter(|column| column.unsupported.is_none())
         .take(MAX_COLUMNS)

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_of_every_option_is_told() {
+    fn help_states_every_default() {
         let mut silent = Vec::new();
         visit(&Cli::command(), "fleetfoot", &mut |command, path| {
             let options = command.get_arguments().filter(|argument| {

@@ -12,7 +12,7 @@ pub(crate) struct Filter {
     #[command(flatten)]
     pub(crate) model: ModelData,
     #[command(flatten)]
-    pub(crate) how: FilterSection,
+    pub(crate) section: FilterSection,
     /// File for mean and deviation of every state, innovations, and probabilities of the regions: Parquet
     /// (`*.parquet`), text (`*.csv`, `*.tsv`) or messages (`*.mcap`) (default: none).
     #[arg(short, long, value_name = "FILE")]

@@ -12,7 +12,7 @@ pub(crate) struct Resimulate {
     #[command(flatten)]
     pub(crate) model: ModelData,
     #[command(flatten)]
-    pub(crate) how: ResimulateSection,
+    pub(crate) section: ResimulateSection,
     /// Deviations of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,

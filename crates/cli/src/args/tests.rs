@@ -38,24 +38,24 @@ fn walk<S: Settings>(command: &[&str], of: fn(&Command) -> Option<&S>) {
             let cli = cli.unwrap_or_else(|problem| panic!("{flag}: {problem}"));
             of(&cli.command).unwrap_or_else(|| panic!("{flag}: another method")).clone()
         };
-        let [said, other] = values(argument).map(|value| flag(&value));
-        assert!(said != other && said != S::default(), "--{entry} changes nothing");
+        let [settings, other] = values(argument).map(|value| flag(&value));
+        assert!(settings != other && settings != S::default(), "--{entry} changes nothing");
         let mut recipe = Recipe::default();
         *S::of(&mut recipe) = other.clone();
         let text = recipe.to_toml();
         assert!(text.starts_with(&format!("[{}]\n{entry} = ", S::SECTION)), "{entry}: {text}");
         let mut recipe = Recipe::parse(&text, "the recipe").unwrap();
-        recipe.say(S::default());
+        recipe.override_with(S::default());
         assert_eq!(*S::of(&mut recipe), other, "{entry}: the recipe stands above the default");
-        recipe.say(said.clone());
-        assert_eq!(*S::of(&mut recipe), said, "{entry}: the flag stands above the recipe");
+        recipe.override_with(settings.clone());
+        assert_eq!(*S::of(&mut recipe), settings, "{entry}: the flag stands above the recipe");
         fields.push(entry.to_owned());
     }
     assert_eq!(fields, S::ENTRIES, "[{}]", S::SECTION);
 }
 
 #[test]
-fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
+fn flags_override_recipe_entries() {
     walk::<PwaSection>(&["fit", "pwa"], |command| match command {
         Command::Fit(Fit::Pwa(options)) => Some(&options.pwa),
         _ => None,
@@ -81,7 +81,7 @@ fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
         _ => None,
     });
     walk::<FilterSection>(&["filter", "model.json"], |command| match command {
-        Command::Filter(options) => Some(&options.how),
+        Command::Filter(options) => Some(&options.section),
         _ => None,
     });
     walk::<AutoSection>(&["auto", "log.csv"], |command| match command {
@@ -89,13 +89,13 @@ fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
         _ => None,
     });
     walk::<ResimulateSection>(&["resimulate", "model.json"], |command| match command {
-        Command::Resimulate(options) => Some(&options.how),
+        Command::Resimulate(options) => Some(&options.section),
         _ => None,
     });
 }
 
 #[test]
-fn what_is_modelled_is_a_flag_of_every_method_with_partitions() {
+fn partition_methods_share_model_flags() {
     let model = ModelSection {
         predict: Some("next".into()),
         degree: Some(2),
@@ -123,7 +123,7 @@ fn what_is_modelled_is_a_flag_of_every_method_with_partitions() {
 }
 
 #[test]
-fn the_command_line_is_sound_and_each_command_says_what_it_does() {
+fn command_line_is_valid_and_described() {
     Cli::command().debug_assert();
     let mut command = Cli::command();
     let fit = command.find_subcommand_mut("fit").unwrap();

@@ -14,7 +14,7 @@ const COEFFICIENTS: usize = 60;
 
 pub(crate) fn auto(arguments: &Arguments, context: &Context) -> Result<(), Error> {
     let mut recipe = flags::recipe(&arguments.recipe)?;
-    recipe.say(arguments.auto.clone());
+    recipe.override_with(arguments.auto.clone());
     recipe.cache = flags::cache(&arguments.recipe.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
     let output = AutoOutput { folder: arguments.output.clone(), force: arguments.force, c: arguments.export.is_some() };

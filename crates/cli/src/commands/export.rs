@@ -36,9 +36,9 @@ fn read(path: &Path) -> Result<(Model, bool), Error> {
 
 /// The filter of a model.
 fn filter(model: &Model, arguments: &Export, options: &ExportOptions, context: &Context) -> Result<(), Error> {
-    let said = arguments.recipe.as_ref().map(|path| Recipe::read(path)).transpose()?.unwrap_or_default();
+    let recipe = arguments.recipe.as_ref().map(|path| Recipe::read(path)).transpose()?.unwrap_or_default();
     let inputs: Vec<_> = arguments.recipe.iter().chain([&arguments.model]).cloned().collect();
-    let files = fleetfoot::export_filter(model, &said.filter, options, &arguments.output, &inputs)?;
+    let files = fleetfoot::export_filter(model, &recipe.filter, options, &arguments.output, &inputs)?;
     let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     context.print(Written { files: &files }, || format!("wrote {}", files.join(", ")));
     Ok(())

@@ -15,7 +15,7 @@ pub(crate) fn filter(arguments: &Filter, context: &Context) -> Result<(), Error>
     let outputs: Vec<_> = arguments.output.iter().chain(&layouts).cloned().collect();
     context.claim(&outputs, &read_by(&files, [&arguments.model.model]), false)?;
     let mut changes = time_changes(&arguments.model)?;
-    changes.say(arguments.how.clone());
+    changes.override_with(arguments.section.clone());
     let bar = context.bar();
     let filtered = fleetfoot::filter(&model, &changes, &files, arguments.output.as_deref(), &bar);
     bar.finish();

@@ -127,7 +127,15 @@ impl<'a> Job<'a> {
             seed: fit.model.training.seed,
         };
         let reports: Vec<FitEntry> = fitted.iter().map(of).collect();
-        let text = || text(&fitted);
+        let text = || {
+            let verdicts = fitted.iter().filter_map(|fit| {
+                let value = fit.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
+                Some(format!("{value}{}", fit.report.summary().verdict.as_ref()?))
+            });
+            // Last, above the prompt.
+            let verdicts: Vec<String> = verdicts.collect();
+            format!("{}\n\n{}", text(&fitted).trim_end(), verdicts.join("\n"))
+        };
         match (reports.as_slice(), &request.by) {
             ([one], None) => context.print(one, text),
             (models, by) => context.print(ByValue { by: by.as_deref(), models }, text),

@@ -38,7 +38,7 @@ fn apply(recipe: &mut Recipe, arguments: &FitNarx) {
     if let Some(items) = &arguments.library {
         recipe.library.functions.clone_from(&items.0);
     }
-    recipe.say(arguments.narx.clone());
+    recipe.override_with(arguments.narx.clone());
 }
 
 fn to_text(report: &NarxReport, tried: bool) -> String {

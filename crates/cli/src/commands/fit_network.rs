@@ -10,7 +10,7 @@ use crate::{
 
 pub(crate) fn network(arguments: &FitNetwork, context: &Context) -> Result<(), Error> {
     let mut recipe = flags::recipe(&arguments.data.recipe)?;
-    recipe.say(arguments.network.clone());
+    recipe.override_with(arguments.network.clone());
     let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
     job.known = true;
     job.run::<Network>(FitRequest::default(), context, |fitted| to_text(&fitted[0].report), |_| None)

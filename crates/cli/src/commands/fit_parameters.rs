@@ -17,13 +17,14 @@ pub(crate) fn parameters(arguments: &FitParameters, context: &Context) -> Result
         let (name, section) = fit_sindy::parameter(text)?;
         recipe.parameters.insert(name, section);
     }
-    recipe.say(arguments.estimate.clone());
+    recipe.override_with(arguments.estimate.clone());
     let job = Job::new(recipe, &arguments.data, &arguments.output)?;
     job.run::<Parameters>(FitRequest::default(), context, |fitted| to_text(&fitted[0].report), |_| None)
 }
 
 fn to_text(report: &ParametersReport) -> String {
-    let mut text = format!("{} rows of {}; {}\n", report.rows, count(report.summary.episodes, "episode"), how(report));
+    let mut text =
+        format!("{} rows of {}; {}\n", report.rows, count(report.summary.episodes, "episode"), method_text(report));
     let rows = report.parameters.iter().map(row).collect();
     let header = ["parameter", "estimate", "95 % interval", "unit", ""];
     text.push_str(&format!("\n{}\n", table(&header, rows)));
@@ -88,7 +89,7 @@ fn correlated(report: &ParametersReport) -> String {
 }
 
 /// The method and what it went over.
-fn how(report: &ParametersReport) -> String {
+fn method_text(report: &ParametersReport) -> String {
     let Some([segments, missing]) = report.segments else {
         return "equation error: derivatives of the states, row by row".to_owned();
     };

@@ -19,7 +19,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
     }
-    recipe.say(arguments.pwa.clone());
+    recipe.override_with(arguments.pwa.clone());
     let unsaid = recipe.model.partition.is_none();
     let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
     job.known = true;
@@ -40,7 +40,7 @@ fn to_text(report: &PwaReport) -> String {
     let continuous = identification.candidates.iter().any(|score| score.continuity.is_some());
     header.extend(continuous.then_some("loss apart"));
     header.push("");
-    // What sums do not know.
+    // Facts that the sums do not have.
     let quadratic = identification.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
     let mut rows: Vec<Vec<String>> = identification
         .candidates

@@ -14,7 +14,7 @@ use crate::{
 pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error> {
     let mut recipe = flags::recipe(&arguments.data.recipe)?;
     apply(&mut recipe, &arguments.equations)?;
-    recipe.say(arguments.sindy.clone());
+    recipe.override_with(arguments.sindy.clone());
     recipe.model.partition = arguments.partition.clone().or(recipe.model.partition.take());
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());

@@ -18,7 +18,7 @@ const MOST_EPISODES: usize = 10;
 
 pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Error> {
     let mut recipe = flags::recipe(&arguments.data.recipe)?;
-    recipe.say(arguments.sparse.clone());
+    recipe.override_with(arguments.sparse.clone());
     let request = FitRequest {
         keys: arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?,
         by: arguments.by.clone(),

@@ -31,11 +31,11 @@ pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
         }
     }
     for text in &arguments.derivative {
-        let (name, how) = pair("--derivative", text)?;
+        let (name, form) = pair("--derivative", text)?;
         let Some(state) = recipe.states.get_mut(&name) else {
             return Err(Error::unknown(&name, format!("--derivative {text}: `{name}` is not a state")));
         };
-        state.derivative = Some(Derivative::parse(&how));
+        state.derivative = Some(Derivative::parse(&form));
     }
     let model = &mut recipe.model;
     model.predict = arguments.predict.clone().or(model.predict.take());

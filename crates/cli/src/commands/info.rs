@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     ColumnKind, Correlations, Error, LagCurve, Recipe, correlations, lag_curve,
-    log::{ClockInfo, FileInfo, Format, FoundRuns, TopicInfo, inspect_together, shell_word},
+    log::{ClockInfo, DetectedRuns, FileInfo, Format, TopicInfo, inspect_together, shell_word},
 };
 
 use super::{Context, files};
@@ -25,7 +25,7 @@ pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
     let infos = inspect_together(&files, arguments.values, &bar);
     bar.finish();
     let mut infos = infos?;
-    if let Some(runs) = FoundRuns::among(&infos) {
+    if let Some(runs) = DetectedRuns::among(&infos) {
         let data: Vec<String> = arguments.data.iter().map(|path| shell_word(&path.to_string_lossy())).collect();
         let note = format!(
             "these look like the files of {}: their columns differ. [files] in the recipe joins them on one clock ({}); `fleetfoot init {} -o robot.toml` writes such a recipe",
@@ -45,21 +45,21 @@ fn relations(arguments: &Info, files: &[PathBuf], context: &Context) -> Result<(
     let bar = context.bar();
     let Some(lag) = &arguments.lag else {
         let columns = arguments.columns.as_ref().map(|list| list.0.as_slice());
-        let found = correlations(&recipe, columns, files, &bar);
+        let correlations = correlations(&recipe, columns, files, &bar);
         bar.finish();
-        let found = found?;
-        context.notes(&found.notes);
-        context.print(&found, || correlations_to_text(&found));
+        let correlations = correlations?;
+        context.notes(&correlations.notes);
+        context.print(&correlations, || correlations_to_text(&correlations));
         return Ok(());
     };
     let [reference, response] = lag.0.as_slice() else {
         return Err(Error::value(format!("--lag {}: name two columns, REFERENCE,RESPONSE", lag.0.join(","))));
     };
-    let found = lag_curve(&recipe, [reference, response], arguments.reach, files, &bar);
+    let curve = lag_curve(&recipe, [reference, response], arguments.reach, files, &bar);
     bar.finish();
-    let found = found?;
-    context.notes(&found.notes);
-    context.print(&found, || lags_to_text(&found));
+    let curve = curve?;
+    context.notes(&curve.notes);
+    context.print(&curve, || lags_to_text(&curve));
     Ok(())
 }
 
@@ -68,24 +68,25 @@ const WIDTH: usize = 12;
 /// Correlations that are listed.
 const STRONG: f64 = 0.9;
 
-fn correlations_to_text(found: &Correlations) -> String {
-    let mut text = format!("correlation of {}, {} rows\n", count(found.columns.len(), "column"), found.rows);
+fn correlations_to_text(correlations: &Correlations) -> String {
+    let mut text =
+        format!("correlation of {}, {} rows\n", count(correlations.columns.len(), "column"), correlations.rows);
     let cell = |value: f64| if value.is_finite() { format!("{value:.3}") } else { "-".to_owned() };
-    if found.columns.len() <= WIDTH {
-        let header: Vec<&str> = std::iter::once("").chain(found.columns.iter().map(String::as_str)).collect();
+    if correlations.columns.len() <= WIDTH {
+        let header: Vec<&str> = std::iter::once("").chain(correlations.columns.iter().map(String::as_str)).collect();
         let row = |(name, values): (&String, &Vec<f64>)| {
             std::iter::once(name.clone()).chain(values.iter().map(|value| cell(*value))).collect()
         };
-        text.push_str(&table(&header, found.columns.iter().zip(&found.matrix).map(row).collect()));
+        text.push_str(&table(&header, correlations.columns.iter().zip(&correlations.matrix).map(row).collect()));
         text.push('\n');
     }
-    let names = &found.columns;
+    let names = &correlations.columns;
     let pairs = (0..names.len()).flat_map(|i| (i + 1..names.len()).map(move |j| (i, j)));
-    let mut strong: Vec<(usize, usize)> = pairs.filter(|&(i, j)| found.matrix[i][j].abs() >= STRONG).collect();
-    strong.sort_by(|a, b| found.matrix[b.0][b.1].abs().total_cmp(&found.matrix[a.0][a.1].abs()));
+    let mut strong: Vec<(usize, usize)> = pairs.filter(|&(i, j)| correlations.matrix[i][j].abs() >= STRONG).collect();
+    strong.sort_by(|a, b| correlations.matrix[b.0][b.1].abs().total_cmp(&correlations.matrix[a.0][a.1].abs()));
     text.push_str(&format!("pairs of size {STRONG} and more: {}", if strong.is_empty() { "none" } else { "" }));
     for (i, j) in strong {
-        text.push_str(&format!("\n  {} {} and {}", cell(found.matrix[i][j]), names[i], names[j]));
+        text.push_str(&format!("\n  {} {} and {}", cell(correlations.matrix[i][j]), names[i], names[j]));
     }
     text
 }
@@ -93,13 +94,13 @@ fn correlations_to_text(found: &Correlations) -> String {
 /// Shifts of a lag curve that are printed, at most.
 const SHIFTS: usize = 20;
 
-fn lags_to_text(found: &LagCurve) -> String {
-    let step = found.shifts.len().div_ceil(SHIFTS).max(1);
-    let told = |shift: &&fleetfoot::Shift| {
-        shift.rows % step as i64 == 0 || shift.rows == found.nearest || shift.rows == found.alike
+fn lags_to_text(curve: &LagCurve) -> String {
+    let step = curve.shifts.len().div_ceil(SHIFTS).max(1);
+    let is_shown = |shift: &&fleetfoot::Shift| {
+        shift.rows % step as i64 == 0 || shift.rows == curve.nearest || shift.rows == curve.alike
     };
     let row = |shift: &fleetfoot::Shift| {
-        let mark = match (shift.rows == found.nearest, shift.rows == found.alike) {
+        let mark = match (shift.rows == curve.nearest, shift.rows == curve.alike) {
             (true, true) => "<- least difference, largest correlation",
             (true, false) => "<- least difference",
             (false, true) => "<- largest correlation",
@@ -117,9 +118,9 @@ fn lags_to_text(found: &LagCurve) -> String {
     let header = ["rows", "s", "mean |difference|", "deviation", "correlation", ""];
     format!(
         "{} behind {}, by the rows by which it is later\n{}",
-        found.response,
-        found.reference,
-        table(&header, found.shifts.iter().filter(told).map(row).collect())
+        curve.response,
+        curve.reference,
+        table(&header, curve.shifts.iter().filter(is_shown).map(row).collect())
     )
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     Error, Recipe,
-    log::{FoundRuns, inspect, inspect_together},
+    log::{DetectedRuns, inspect, inspect_together},
     output::write_atomic,
     starter_recipe, starter_recipe_of_runs,
 };
@@ -49,7 +49,7 @@ fn recipe(files: &[PathBuf], arguments: &Init, context: &Context) -> Result<Stri
     if files.len() > 1 {
         let bar = context.bar();
         let infos = inspect_together(files, false, &bar);
-        let runs = infos.map(|infos| FoundRuns::among(&infos).filter(|runs| runs.share_a_clock(&bar)));
+        let runs = infos.map(|infos| DetectedRuns::among(&infos).filter(|runs| runs.share_a_clock(&bar)));
         bar.finish();
         if let Some(runs) = runs? {
             return Ok(starter_recipe_of_runs(&runs)?);

@@ -83,19 +83,19 @@ pub(crate) struct PlaneReport {
     transitions: u64,
     transition_ratio: f64,
     score: f64,
-    axes: [ToldAxis; 2],
+    axes: [AxisReport; 2],
     cells: Vec<(u64, u64, u64, u64, f64)>,
 }
 
 #[derive(Serialize)]
-struct ToldAxis {
+struct AxisReport {
     expression: String,
     low: f64,
     high: f64,
     angle: bool,
 }
 
-impl From<&Axis> for ToldAxis {
+impl From<&Axis> for AxisReport {
     fn from(axis: &Axis) -> Self {
         Self { expression: axis.expression.to_string(), low: axis.low, high: axis.high, angle: axis.periodic }
     }
@@ -114,7 +114,7 @@ impl From<&Projected> for PlaneReport {
             transitions: total.transitions,
             transition_ratio: total.transition_ratio(),
             score: total.mean_score(),
-            axes: plane.axes.each_ref().map(ToldAxis::from),
+            axes: plane.axes.each_ref().map(AxisReport::from),
             cells: plane.cells.iter().map(cell).collect(),
         }
     }

@@ -19,7 +19,7 @@ use crate::{
 pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Error> {
     let mut recipe = Recipe::read(&arguments.recipe)?;
     flags::apply_time(&mut recipe, &arguments.time)?;
-    recipe.say(arguments.prepare.clone());
+    recipe.override_with(arguments.prepare.clone());
     recipe.cache = flags::cache(&arguments.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
     let request = PrepareRequest { folder: arguments.output.clone(), force: arguments.force };

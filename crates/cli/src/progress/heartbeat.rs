@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_stage_is_told_and_a_short_one_is_not() {
+    fn only_long_stages_are_reported() {
         let (to, from) = channel();
         let heartbeat = Heartbeat::start(Duration::from_millis(20), move |line| {
             let _ = to.send(line.to_owned());

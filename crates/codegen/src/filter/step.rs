@@ -117,7 +117,7 @@ impl Filter<'_> {
         w.function(&format!("static void {p}_estimate_({p}_state *f)"), |w| {
             match self.by_state {
                 true => self.parts(w),
-                false => self.all_of_it(w),
+                false => self.copy_regions(w),
             }
             match self.behind {
                 0 => writeln!(w, "{p}_mixture_(f->w, f->next_m, f->next_p, f->x, f->cov);"),
@@ -127,7 +127,7 @@ impl Filter<'_> {
     }
 
     /// Of every region: all of its distribution.
-    fn all_of_it(&self, w: &mut Writer) {
+    fn copy_regions(&self, w: &mut Writer) {
         let Self { all, r, square, .. } = self;
         w.each("r", r, |w| {
             w.each("i", all, |w| {

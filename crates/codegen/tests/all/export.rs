@@ -295,7 +295,7 @@ fn large_models_are_tables() {
 }
 
 #[test]
-fn models_that_cannot_be_exported_are_refused_with_a_reason() {
+fn unexportable_models_are_refused_with_reason() {
     let refused = |model: &Model, options: &ExportOptions| {
         export(model, options, &[]).expect_err("it cannot be exported").to_string()
     };
@@ -343,7 +343,7 @@ fn models_that_cannot_be_exported_are_refused_with_a_reason() {
 
 /// The exact derivatives beside central differences of the same code's values, far from borders.
 #[test]
-fn derivatives_are_those_of_the_values() {
+fn derivatives_match_values() {
     let mut compared = 0;
     for (name, model) in models::all() {
         let mut options = ExportOptions::new(Target::Python);

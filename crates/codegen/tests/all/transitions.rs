@@ -66,7 +66,7 @@ fn compare(what: &str, printed: &[String], most: u64, precision: Precision) {
 const MOST: [u64; 2] = [4_000_000_000, 5_000_000_000_000];
 
 #[test]
-fn c_has_them_in_a_source_of_its_own() {
+fn transitions_have_a_separate_c_source() {
     if !present("cc") {
         return;
     }

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rates_and_velocity_are_inverse_and_a_left_turn_has_the_right_side_faster() {
+    fn wheel_rates_and_velocity_are_inverse() {
         let drive = DifferentialDrive { radius: 0.02, width: 0.1 };
         let rates = drive.rates(0.3, 2.0);
         assert!((rates[0] - 10.0).abs() < 1e-12 && (rates[1] - 20.0).abs() < 1e-12, "{rates:?}");

@@ -385,7 +385,7 @@ impl ControllerState for RegulatorState {
             .zip(&self.integrals)
             .map(|(&state, integral)| self.law.period.mul_add(self.errors[state], *integral))
             .collect();
-        // Whether a longer integral would push an input, which is at its limit, further outwards.
+        // True if a longer integral would push a saturated input further outwards.
         let outwards = self.law.inputs.iter().enumerate().any(|(j, input)| {
             let (now, then) = (wanted(&self.integrals, j), wanted(&grown, j));
             (then > input.highest && then > now) || (then < input.lowest && then < now)

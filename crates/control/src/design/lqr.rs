@@ -5,9 +5,9 @@ use fleetfoot_model::{Model, Rule};
 
 use super::{
     LqrOptions, Named, Schedule,
-    asked::{period, weights},
     coordinates::{Coordinates, Of},
     gains::{Gains, Weights},
+    requested::{period, weights},
     setpoint::{Rest, Wanted, rest},
 };
 use crate::{
@@ -234,7 +234,7 @@ impl<'a> Design<'a> {
             let rest_of_region =
                 rest(pieces, &self.coordinates, &wanted, (&|x, u| piece.linearized(x, u), &piece.doubt));
             let here = rest_of_region.holds() && pieces.region(&rest_of_region.x, &rest_of_region.u) == Some(i);
-            // What rests exactly goes before what rests as far as it is known, then the region of more rows.
+            // Exact equilibria go before approximate ones, then the region of more rows.
             let rank = |rest: &Rest, region: usize| (rest.exact, pieces.regions[region].rows);
             if here && best.as_ref().is_none_or(|(other, region)| rank(other, *region) < rank(&rest_of_region, i)) {
                 best = Some((rest_of_region, i));

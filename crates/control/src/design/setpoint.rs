@@ -103,7 +103,7 @@ pub(super) fn rest(
             }
             share *= 0.5;
         };
-        // What gets no better is as good as it was.
+        // A residual that no longer falls is at its minimum.
         let no_worse = length(&rest_drift) <= before;
         if !no_worse {
             break;

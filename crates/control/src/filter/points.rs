@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_have_the_moments_and_the_tails_of_a_normal_distribution() {
+    fn sigma_points_match_normal_moments() {
         for n in [1, 2, 3, 6, 16] {
             let points = standard_points(n);
             let count = points.len() / n;

@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn noise_over_a_time_has_its_closed_forms() {
+    fn integrated_noise_matches_closed_forms() {
         // A double integrator pushed by noise: h^3/3, h^2/2, h.
         let (h, s) = (0.3f64, 2.0);
         let a = Mat::from_fn(2, 2, |i, j| f64::from(u8::from(i == 0 && j == 1)));

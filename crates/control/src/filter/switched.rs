@@ -66,7 +66,7 @@ pub enum ProcessFactor {
     /// This one.
     Given(f64),
     /// By the innovations so far, where the deviations of all sensors are known; else 1.
-    Found,
+    Estimated,
 }
 
 impl Default for ProcessFactor {
@@ -80,7 +80,7 @@ impl Default for ProcessFactor {
 pub enum NoiseColour {
     /// Correlated if the residuals of the model are.
     #[default]
-    Found,
+    FromResiduals,
     /// It does not.
     White,
     /// It does, by an autoregression of the residuals.
@@ -488,15 +488,15 @@ impl SwitchedFilter {
 }
 
 /// The autoregression of the residuals, on request and if there is one.
-fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
+fn colour(model: &Model, pieces: &Pieces, colour_choice: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
     let known = described(model, pieces).and_then(|(partition, _)| partition.correlation.as_ref());
     let autoregression = || {
         let known = known.filter(|colour| colour.targets() == model.fitted().count())?;
         Autoregression::yule_walker(&known.autocovariances(), known.targets())
     };
-    match asked {
+    match colour_choice {
         NoiseColour::White => Ok(None),
-        NoiseColour::Found => Ok(autoregression()),
+        NoiseColour::FromResiduals => Ok(autoregression()),
         NoiseColour::Coloured => autoregression().map(Some).ok_or(FilterError::NoCorrelation),
     }
 }

@@ -127,7 +127,7 @@ impl Mode {
     /// their regions before. The part that stays is the whole, unchanged.
     fn crossed(&self, from: usize, before: &[Option<usize>], geometry: &Geometry) -> Vec<(usize, f64, Gaussian)> {
         let began = |point: usize| before[point] == Some(from);
-        // Where no point stood in the region, all of them count.
+        // If no point lies in the region, all points count.
         let any = (0..before.len()).any(began);
         let counts = |point: usize| !any || began(point);
         let all = (0..before.len()).filter(|&point| counts(point)).count() as f64;
@@ -179,7 +179,7 @@ impl Track {
             held_inputs: 0,
             process: Process {
                 factor: if let ProcessFactor::Given(factor) = filter.process { factor } else { 1.0 },
-                slope: (filter.process == ProcessFactor::Found && known).then_some(FIRST_SLOPE),
+                slope: (filter.process == ProcessFactor::Estimated && known).then_some(FIRST_SLOPE),
             },
             placing: filter.placing(),
             lost: false,

@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn the_double_integrator_agrees_with_scipy_and_its_cost_is_paid() {
+    fn double_integrator_matches_scipy() {
         let a = mat(&[&[1.0, 0.1], &[0.0, 1.0]]);
         let b = mat(&[&[0.005], &[0.1]]);
         let q = mat(&[&[1.0, 0.0], &[0.0, 0.1]]);

@@ -58,7 +58,7 @@ fn run(simulator: &Simulator, source: &MemorySource, options: &RolloutOptions) -
 }
 
 #[test]
-fn the_treadmill_holds_its_commands_and_sees_the_past() {
+fn treadmill_holds_commands_and_history() {
     let (period, latency) = (0.01, 0.013);
     let law = Treadmill { k_x: 2.0, k_yaw: 5.0, k_y: 0.0, period, ..Treadmill::default() };
     let controller = TreadmillLoop { law, latency, ..TreadmillLoop::default() };
@@ -85,7 +85,7 @@ fn the_treadmill_holds_its_commands_and_sees_the_past() {
 }
 
 #[test]
-fn without_latency_the_first_command_comes_from_the_first_state_and_the_loop_settles() {
+fn loop_without_latency_settles() {
     let speed = TreadmillSpeed::Constant(0.3);
     let law = Treadmill { k_x: 2.0, k_yaw: 5.0, k_y: 0.0, period: DT, ..Treadmill::default() };
     let controller = TreadmillLoop { law, latency: 0.0, speed, ..TreadmillLoop::default() };
@@ -139,7 +139,7 @@ fn the_fast_path_has_the_bits_of_the_general_path() {
 }
 
 #[test]
-fn scores_and_bits_do_not_depend_on_threads_and_the_open_loop_is_untouched() {
+fn scores_do_not_depend_on_threads() {
     let source = recording(900);
     let model = robot();
     let law = Treadmill { k_y: 0.0, ..Treadmill::default() };
@@ -165,7 +165,7 @@ fn scores_and_bits_do_not_depend_on_threads_and_the_open_loop_is_untouched() {
 }
 
 #[test]
-fn controllers_that_do_not_fit_the_model_are_refused() {
+fn mismatched_controllers_are_refused() {
     let refused = |controller: TreadmillLoop| {
         Simulator::new(&robot()).unwrap().driven_by(Arc::new(controller)).err().unwrap().to_string()
     };

@@ -26,7 +26,7 @@ fn process_noise_is_estimated_from_innovations() {
         }
         (track.process(), likelihood)
     };
-    let (factor, likelihood) = run(&filter(ProcessFactor::Found));
+    let (factor, likelihood) = run(&filter(ProcessFactor::Estimated));
     assert!((factor / 4.0 - 1.0).abs() < 0.15, "{factor}");
     assert!(likelihood > run(&filter(ProcessFactor::default())).1);
 }

@@ -100,7 +100,7 @@ fn batch(
 }
 
 #[test]
-fn filtered_means_are_those_of_all_measurements_at_once() {
+fn filtered_means_match_batch_solution() {
     /// States, process noise, sensors with their deviations.
     type Case<'a> = (usize, &'a [f64], &'a [(&'a str, f64)]);
     let cases: [Case<'_>; 3] = [
@@ -160,7 +160,7 @@ fn conditioned(
     let a = Mat::from_fn(n, n, coefficient);
     let q = Mat::from_fn(n, n, |i, j| model.summaries[0].regions[0].residual_covariance[packed(i.max(j), i.min(j))]);
     let lower = q.llt(faer::Side::Lower).unwrap().L().to_owned();
-    // What is drawn: the first state, then the residuals of every step.
+    // Random draws: the first state, then the residuals of every step.
     let all = n * rows;
     let mut drawn = Mat::<f64>::zeros(all, all);
     let (mut mean, sensors) = (vec![0.0; n], filter.measured().collect::<Vec<_>>());
@@ -328,7 +328,7 @@ pub(crate) fn simulated(
 
 /// Consistency of a filter over seeds.
 #[derive(Debug)]
-struct Found {
+struct FilterScores {
     mean: MeanBand,
     share: f64,
     /// Root mean square of the errors of all states.
@@ -336,7 +336,13 @@ struct Found {
 }
 
 /// A filter on simulations of its model with known noise, from a row on.
-fn nees(model: &Model, options: &FilterOptions, deviations: &[f64], rows: std::ops::Range<usize>, seeds: u64) -> Found {
+fn nees(
+    model: &Model,
+    options: &FilterOptions,
+    deviations: &[f64],
+    rows: std::ops::Range<usize>,
+    seeds: u64,
+) -> FilterScores {
     let filter = SwitchedFilter::new(model, options).unwrap();
     let n = filter.states().len();
     let all: Vec<usize> = (0..n).collect();
@@ -368,7 +374,7 @@ fn nees(model: &Model, options: &FilterOptions, deviations: &[f64], rows: std::o
         }
         consistency.add(EpisodeId(u128::from(seed) + 1), squares.split_off(rows.start));
     }
-    Found {
+    FilterScores {
         mean: consistency.mean().unwrap(),
         share: consistency.share(),
         error: (error / (rows.len() as f64 * seeds as f64)).sqrt(),
@@ -423,7 +429,7 @@ fn errors_under_coloured_noise_match_their_covariance() {
         }
         (nis.mean().unwrap(), nees.mean().unwrap())
     };
-    let (nis, nees) = mean(NoiseColour::Found);
+    let (nis, nees) = mean(NoiseColour::FromResiduals);
     println!("coloured: {nis:?} {nees:?}");
     assert!(nis.holds() && nees.holds(), "{nis:?} {nees:?}");
     let (nis, nees) = mean(NoiseColour::White);
@@ -459,7 +465,7 @@ fn hybrid(h: f64, density: f64) -> Model {
 }
 
 #[test]
-fn the_hybrid_robot_is_followed_across_its_border() {
+fn filter_follows_hybrid_robot_across_border() {
     let (h, density) = (0.01, 1e-3);
     let model = hybrid(h, density);
     let d = (density * h).sqrt();

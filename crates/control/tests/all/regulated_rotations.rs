@@ -108,7 +108,7 @@ proptest! {
     /// At any set point a satellite at rest is three double integrators. Its gains are theirs, for any attitude and
     /// representation, and the law's code is the law.
     #[test]
-    fn gains_about_any_rotation_are_those_of_three_double_integrators(phi in prop::array::uniform3(-1.7f64..1.7)) {
+    fn gains_match_three_double_integrators(phi in prop::array::uniform3(-1.7f64..1.7)) {
         for kind in KINDS {
             let at = written(kind, phi);
             let design = lqr(&satellite(kind), &satellite_options(named(&parts(kind), &at))).unwrap();
@@ -147,7 +147,7 @@ fn closed(model: &Model, regulator: &Regulator, start: &[f64], inputs: &[f64], s
 
 /// From almost half a turn away, turning, the loop comes to its set point, and by the same way whatever the sign of the quaternion.
 #[test]
-fn a_satellite_turns_to_its_set_point_however_it_is_written() {
+fn satellite_turns_to_every_form_of_setpoint() {
     let at = [0.4, -1.1, 0.8];
     let mut ends = Vec::new();
     for kind in KINDS {
@@ -248,7 +248,7 @@ fn attitude_at_rest_is_computed() {
 /// Angles name a rotation, too. A part of one alone is refused, as is a quaternion that is far from unit length; a
 /// rotation is free as a whole.
 #[test]
-fn rotations_are_given_and_left_free_as_a_whole() {
+fn rotations_are_set_as_a_whole() {
     let model = satellite(RotationKind::Quaternion);
     let angles = [("yaw(attitude)", 0.5), ("pitch(attitude)", -0.2), ("roll(attitude)", 0.1)];
     let with = |setpoint: &[(&str, f64)]| {

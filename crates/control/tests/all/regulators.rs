@@ -55,7 +55,7 @@ fn at(named: &[(&str, f64)]) -> Vec<(String, f64)> {
 }
 
 #[test]
-fn the_double_integrator_has_scipys_gain_at_any_set_point_and_answers_wind_at_once() {
+fn double_integrator_has_scipys_gain() {
     let options = LqrOptions {
         setpoint: at(&[("x", 3.0), ("w", 0.5)]),
         q: at(&[("x", 1.0), ("v", 0.1)]),
@@ -188,7 +188,7 @@ fn closed(model: &Model, regulator: &Regulator, extra: &[(&str, f64)], seconds: 
 }
 
 #[test]
-fn the_loop_comes_to_its_set_point_through_both_regions_and_against_wind() {
+fn loop_reaches_setpoint_through_regions_and_wind() {
     let options = LqrOptions {
         setpoint: at(&[("x", 1.0)]),
         limits: vec![("u".into(), -2.0, 2.0)],
@@ -237,7 +237,7 @@ fn an_integral_at_a_limit_does_not_wind_up() {
     assert_eq!(input, [0.3]);
     state.control(100.0, &[1.0, 0.0, 0.0], &mut input);
     assert!(input[0].abs() < 0.3, "{input:?}");
-    // What is missing leaves the input as it is.
+    // A missing value leaves the input as it is.
     let before = input;
     state.control(100.01, &[f64::NAN, 0.0, 0.0], &mut input);
     assert_eq!(input, before);
@@ -324,7 +324,7 @@ pub(crate) fn assert_model_is_the_law(law: &Regulator) {
             points.column_mut(stepper.input_column(i), 0)[0] = columns[at];
         }
         let next = stepper.next(&mut points, law.period, Method::Rk4, &mut workspace).to_vec();
-        // What is missing leaves all as it is: exported code keeps its variable, the engine says that there is no number.
+        // A missing value leaves all inputs as they are: exported code keeps its variable, the engine reports that there is no number.
         if columns.iter().all(|value| value.is_finite()) {
             assert!(next.iter().all(|value| value.is_finite()), "{k}: {next:?}");
             values = next;
@@ -341,7 +341,7 @@ pub(crate) fn assert_model_is_the_law(law: &Regulator) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
     #[test]
-    fn a_law_and_the_model_that_becomes_its_code_give_the_same_commands(
+    fn law_and_exported_model_give_equal_commands(
         limit in 0.05f64..3.0, weight in 0.01f64..10.0, at in -2.0f64..2.0, limited: bool, integral: bool,
     ) {
         let options = LqrOptions {

@@ -58,7 +58,7 @@ fn elements(recipe: &str, arrays: &[ArrayInfo]) -> Vec<Column> {
         for (at, _) in recipe.match_indices(name.as_str()) {
             let Some(rest) = recipe[at + name.len()..].strip_prefix('[') else { continue };
             let Some((index, rest)) = rest.split_once(']') else { continue };
-            // What stands behind the index, of an array of structures.
+            // Text behind the index, of an array of structures.
             let end =
                 rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '.' | '_' | '[' | ']'))).unwrap_or(rest.len());
             let part = &rest[..end];
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn elements_of_long_arrays_are_those_that_the_recipe_names() {
+    fn recipe_names_elements_of_long_arrays() {
         let mut info = ArrayInfo::default();
         (info.name, info.longest) = ("/load_cell_data.data".into(), 120);
         let names = |text: &str, info: &ArrayInfo| {

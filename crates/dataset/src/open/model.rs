@@ -62,7 +62,7 @@ impl Dataset {
     /// The recipe by which a model reads logs: its own, with what is said of these logs.
     pub fn recipe_of_run(model: &Model, changes: &Recipe) -> Result<Recipe, Error> {
         let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
-        // What the caller says about the clock of these files replaces what training said.
+        // The caller's clock of these files replaces that of the training.
         if changes.time.column.is_some() || changes.time.dt.is_some() {
             recipe.time.column = changes.time.column.clone();
             recipe.time.unit = changes.time.unit.clone();
@@ -105,7 +105,7 @@ impl Dataset {
             model.columns.iter().cloned().partition(|column| {
                 needed(&column.name) || aliases_of_model(std::slice::from_ref(column), &fields).is_ok()
             });
-        // What a simulation may read beside them; one that needs what is not there says so.
+        // Auxiliary columns that a simulation may read; a simulation that needs a missing column reports it.
         let auxiliary = model.auxiliary_columns().into_iter();
         let there = |column: &ModelColumn| aliases_of_model(std::slice::from_ref(column), &fields).is_ok();
         let columns: Vec<ModelColumn> = columns.into_iter().chain(auxiliary.filter(there)).collect();

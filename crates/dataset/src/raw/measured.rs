@@ -12,7 +12,7 @@ use fleetfoot_data::{
 };
 use fleetfoot_library::{Expr, View};
 
-use super::opened::{Found, OpenedRaw};
+use super::opened::{OpenedRaw, RawSource};
 use crate::{dataset::Dataset, error::Error, logs::is_prepared, view::seen_through};
 
 /// The rows of prepared logs with raw measurements in the place of smoothed values; NaN where nothing was measured.
@@ -72,7 +72,7 @@ impl Dataset {
             return Ok(Some(all));
         }
         let mut opened: Option<OpenedRaw> = None;
-        let mut raw: Option<(PathBuf, Result<Found, String>)> = None;
+        let mut raw: Option<(PathBuf, Result<RawSource, String>)> = None;
         let mut was_measured = false;
         for episode in episodes {
             if progress.cancelled() {
@@ -80,7 +80,7 @@ impl Dataset {
             }
             let path = self.origin(episode);
             if raw.as_ref().is_none_or(|(known, _)| known != path) {
-                raw = Some((path.to_path_buf(), Found::of(path, progress)?));
+                raw = Some((path.to_path_buf(), RawSource::of(path, progress)?));
             }
             let raw_log = match &raw {
                 Some((_, Ok(raw_log))) => raw_log,
@@ -125,7 +125,7 @@ impl Dataset {
     fn read_raw(
         &self,
         episode: usize,
-        raw_log: &Found,
+        raw_log: &RawSource,
         names: &BTreeSet<String>,
         opened: &mut Option<OpenedRaw>,
         rows: &mut MeasuredRows,

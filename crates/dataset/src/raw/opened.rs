@@ -14,13 +14,13 @@ use crate::{content::hash_path, dataset::Dataset, error::Error, logs::Logs};
 
 /// A prepared file's raw log, where it is at hand.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
+pub(super) struct RawSource {
     pub(super) raw: RawLog,
     pub(super) recipe: Recipe,
     pub(super) files: Vec<PathBuf>,
 }
 
-impl Found {
+impl RawSource {
     /// The raw log of a prepared file; why there is none, in words.
     pub(super) fn of(prepared: &Path, progress: &dyn Progress) -> Result<Result<Self, String>, Error> {
         let again = "prepare the raw log again";
@@ -75,7 +75,7 @@ pub(super) struct OpenedRaw {
 
 impl OpenedRaw {
     /// Opens the raw log for columns, by the same rows as the preparation.
-    pub(super) fn new(raw: &Found, columns: &BTreeSet<String>, progress: &dyn Progress) -> Result<Self, Error> {
+    pub(super) fn new(raw: &RawSource, columns: &BTreeSet<String>, progress: &dyn Progress) -> Result<Self, Error> {
         let (recipe, logs) = (&raw.recipe, Logs::from(&raw.files));
         let mut by_topic: BTreeMap<Option<&String>, BTreeSet<String>> = BTreeMap::new();
         for column in columns {
@@ -99,7 +99,7 @@ impl OpenedRaw {
     }
 
     /// Returns true if this raw log is also that of another episode, with these columns.
-    pub(super) fn serves(&self, raw: &Found, columns: &BTreeSet<String>) -> bool {
+    pub(super) fn serves(&self, raw: &RawSource, columns: &BTreeSet<String>) -> bool {
         let kept: BTreeSet<&String> = self.sets.iter().flat_map(|(kept, _)| kept).collect();
         self.files == raw.files && self.recipe == raw.recipe && kept == columns.iter().collect()
     }

@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_end_at_gaps_and_at_what_is_left_out() {
+    fn lines_end_at_gaps_and_omissions() {
         let times: Vec<f64> = [0.0, 1.0, 2.0, 3.0, 9.5, 10.5, 11.5].into();
         let mut series = Series::new(times.clone(), times.iter().map(|time| 10.0 * time).collect(), false);
         for (second, value) in [(0.0, 0.0), (0.5, 5.0), (3.0, 30.0), (10.0, 100.0)] {

@@ -288,7 +288,7 @@ impl EpisodeSumsRecord {
         episodes.iter().map(of).collect()
     }
 
-    pub(super) fn into_told(records: Vec<Self>) -> BTreeMap<EpisodeId, EpisodeSums> {
+    pub(super) fn into_episodes(records: Vec<Self>) -> BTreeMap<EpisodeId, EpisodeSums> {
         let of = |record: Self| {
             let [complete, at_border, incomplete, unassigned] = record.counts;
             let counts = RowCounts { complete, at_border, incomplete };

@@ -64,7 +64,7 @@ pub(super) fn systems(
             moments: sums(sections, moments, &hash)?,
             also: sums(sections, measured, &hash)?,
             sampled: sums(sections, sampled, &hash)?,
-            episodes: EpisodeSumsRecord::into_told(record(sections, rows)?),
+            episodes: EpisodeSumsRecord::into_episodes(record(sections, rows)?),
         };
         groups.push(EquationGroup { plan, sums });
     }

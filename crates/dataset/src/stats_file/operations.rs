@@ -40,7 +40,7 @@ impl StatisticFile {
         if let (Some(equations), Some(others)) = (&mut self.equations, other.equations) {
             equations.merge(others)?;
         }
-        // What is told beside the sums must not depend on the order of merges.
+        // Facts beside the sums must not depend on the order of merges.
         if (&other.recipe, &other.version) < (&self.recipe, &self.version) {
             (self.recipe, self.version) = (other.recipe, other.version);
             (self.fields, self.columns) = (other.fields, other.columns);

@@ -129,7 +129,7 @@ impl FieldRecord {
             KindRecord::Float => ColumnKind::Float,
             KindRecord::Integer => ColumnKind::Integer,
             KindRecord::Boolean => ColumnKind::Boolean,
-            // Which texts there were belongs to the logs; a statistic has none of them.
+            // The list of texts belongs to the logs; a statistic has no texts.
             KindRecord::Category => ColumnKind::Category(Vec::new()),
         };
         Column { name: self.name, unit: self.unit, kind }
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_with_bytes_behind_it_is_refused() {
+    fn records_with_trailing_bytes_are_refused() {
         let mut bytes = to_bytes(&(1u8, "x"));
         assert!(from_bytes::<(u8, String)>(&bytes).is_ok());
         bytes.push(0);

@@ -83,7 +83,7 @@ fn rrse(y: &[f64], yhat: &[f64]) -> f64 {
 }
 
 #[test]
-fn the_truth_has_no_error_and_another_model_that_of_a_plain_loop() {
+fn free_run_errors_match_a_plain_loop() {
     let (y, u) = recording(400, 0.0);
     let source = source(&[(y.clone(), u.clone())]);
     let result = free_run(&model(TRUTH), &source, &FreeRunOptions::default(), &Silent).unwrap();
@@ -105,7 +105,7 @@ fn the_truth_has_no_error_and_another_model_that_of_a_plain_loop() {
 }
 
 #[test]
-fn a_missing_input_ends_a_run_and_a_missing_output_does_not() {
+fn only_missing_inputs_end_a_run() {
     let (mut y, mut u) = recording(200, 0.4);
     u[50] = f64::NAN;
     y[100] = f64::NAN;
@@ -138,7 +138,7 @@ fn a_horizon_starts_again_from_the_recording() {
 }
 
 #[test]
-fn an_unstable_model_diverges_at_a_row_and_has_no_finite_score() {
+fn unstable_model_diverges_without_finite_score() {
     let (y, u) = recording(400, 0.0);
     let source = source(&[(y.clone(), u.clone())]);
     let unstable = [0.0, 2.0, 0.0, 0.0];

@@ -60,7 +60,7 @@ fn run(simulator: &Simulator, source: &MemorySource, options: &RolloutOptions) -
 }
 
 #[test]
-fn a_proportional_loop_follows_its_recursion_on_both_paths() {
+fn proportional_loop_follows_its_recursion() {
     // x' = u + 0.3, u = -4 x: Euler gives x_k = c + (1 - 4 h)^k (x_0 - c) with c = 0.3 / 4.
     let columns = vec![column("x", Role::State, false), column("u", Role::Input, false)];
     let model = model(
@@ -88,7 +88,7 @@ fn a_proportional_loop_follows_its_recursion_on_both_paths() {
 }
 
 #[test]
-fn trajectories_that_end_early_keep_the_inputs_of_their_steps() {
+fn short_trajectories_keep_their_inputs() {
     let columns = vec![column("x", Role::State, false), column("u", Role::Input, false)];
     let model = model(
         columns,
@@ -110,7 +110,7 @@ fn trajectories_that_end_early_keep_the_inputs_of_their_steps() {
 }
 
 #[test]
-fn lagged_inputs_go_on_from_the_recorded_ones() {
+fn lagged_inputs_continue_recorded_inputs() {
     let columns = vec![column("x", Role::State, false), column("u", Role::Input, false)];
     let model = model(
         columns,
@@ -132,7 +132,7 @@ fn lagged_inputs_go_on_from_the_recorded_ones() {
 }
 
 #[test]
-fn an_input_that_is_not_known_yet_is_refused() {
+fn future_inputs_are_refused() {
     // A model that looks ahead at an input that is not known yet.
     let columns = vec![column("x", Role::State, false), column("u", Role::Input, false)];
     let ahead = model(

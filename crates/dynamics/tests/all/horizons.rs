@@ -55,7 +55,7 @@ fn spans_of_better_rollouts_are_reported_per_baseline() {
         assert_eq!((span[0].first, span[0].last), (2, 20));
         assert!((span[0].from - 0.2).abs() < 1e-12 && (span[0].to - 2.0).abs() < 1e-12);
     }
-    // Where nothing is measured nothing is claimed: every third row, then none.
+    // Rows without measurements have no scores: every third row, then none.
     let sparse = |k: usize| k <= 10 || k % 3 == 2;
     let some = x.iter().enumerate().map(|(k, &x)| if sparse(k) { x } else { f64::NAN }).collect();
     let some = roll(some).useful;
@@ -210,8 +210,8 @@ fn scores_of_paths_follow_their_definitions() {
     options.references = ["d(x)/dt = r", "y=0.5*r"]
         .map(|text| fleetfoot_dynamics::Reference::parse(text, ["x", "y", "yaw", "r"].into_iter()).unwrap())
         .into();
-    let found = rollout(&model, &source, &Starts::Even(6), &options, &Silent).unwrap();
-    let n = found.trajectories.len() as f64;
+    let rollouts = rollout(&model, &source, &Starts::Even(6), &options, &Silent).unwrap();
+    let n = rollouts.trajectories.len() as f64;
     let recorded = |start: Start, name: usize, k: usize| source_value(&source, start, name, k);
     let hypot = |p: [f64; 2]| p[0].hypot(p[1]);
     let cosine = |a: [f64; 2], b: [f64; 2]| (a[0] * b[0] + a[1] * b[1]) / (hypot(a) * hypot(b));
@@ -235,34 +235,38 @@ fn scores_of_paths_follow_their_definitions() {
     };
     let (mut model_sum, mut reference_sum, mut pair_sum, mut cosines) = ([0.0; 4], [0.0; 4], [0.0; 4], 0.0);
     let (mut errors, mut values) = (Vec::new(), Vec::new());
-    for trajectory in &found.trajectories {
+    for trajectory in &rollouts.trajectories {
         let start = trajectory.start;
         let real = path(&|i, k| recorded(start, i, k));
-        let own = path(&|i, k| trajectory.state(k)[i]);
+        let simulated = path(&|i, k| trajectory.state(k)[i]);
         let mut ideal = vec![real[0]];
         for k in 1..=20 {
             let r = recorded(start, 3, k - 1);
             ideal.push([ideal[k - 1][0] + 0.5 * r, 0.5 * r]);
         }
-        for (sum, found) in [
-            (&mut model_sum, pair(&own, &real)),
+        for (sum, scores) in [
+            (&mut model_sum, pair(&simulated, &real)),
             (&mut reference_sum, pair(&ideal, &real)),
-            (&mut pair_sum, pair(&own, &ideal)),
+            (&mut pair_sum, pair(&simulated, &ideal)),
         ] {
-            (0..4).for_each(|i| sum[i] += found[i] / n);
+            (0..4).for_each(|i| sum[i] += scores[i] / n);
         }
         for k in 1..=20 {
             cosines += (recorded(start, 2, k) - trajectory.state(k)[2]).cos() / 20.0 / n;
-            errors.push(real[k][0] - own[k][0]);
+            errors.push(real[k][0] - simulated[k][0]);
             values.push(real[k][0]);
         }
     }
     let check = |distance: f64, path: &fleetfoot_dynamics::PathScores, expected: [f64; 4]| {
-        let own = [distance, path.average_alignment.value, path.propagated_error.value, path.warping_distance.value];
-        own.iter().zip(expected).for_each(|(own, value)| assert!((own - value).abs() < 1e-9 * value.abs().max(1.0)));
+        let measures =
+            [distance, path.average_alignment.value, path.propagated_error.value, path.warping_distance.value];
+        measures
+            .iter()
+            .zip(expected)
+            .for_each(|(measure, value)| assert!((measure - value).abs() < 1e-9 * value.abs().max(1.0)));
         assert!(path.average_alignment.low < path.average_alignment.high, "two episodes have an interval");
     };
-    let horizon = &found.horizon;
+    let horizon = &rollouts.horizon;
     let distance = |score: &fleetfoot_dynamics::HorizonScore| score.displacement_summary.unwrap().average.value;
     check(distance(&horizon.model), horizon.model.path.as_ref().unwrap(), model_sum);
     let (_, ideal) = horizon.baselines.iter().find(|(which, _)| *which == Baseline::Reference).unwrap();
@@ -270,7 +274,7 @@ fn scores_of_paths_follow_their_definitions() {
     let beside = horizon.beside_reference.as_ref().unwrap();
     check(beside.displacement.average.value, &beside.path, pair_sum);
     // A state without a reference has no score, so that no Mahalanobis score exists and no horizon is compared with it.
-    assert!(ideal.mahalanobis.iter().all(|own| own.value.is_nan()) && horizon.better.len() == 3);
+    assert!(ideal.mahalanobis.iter().all(|score| score.value.is_nan()) && horizon.better.len() == 3);
     assert!((horizon.model.average_orientation.unwrap().value - cosines).abs() < 1e-12);
     let variance = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -278,7 +282,7 @@ fn scores_of_paths_follow_their_definitions() {
     };
     let explained = 1.0 - variance(&errors) / variance(&values);
     assert!((horizon.model.explained_variance[0].value - explained).abs() < 1e-12);
-    let last: Vec<usize> = (0..found.trajectories.len()).map(|i| i * 20 + 19).collect();
+    let last: Vec<usize> = (0..rollouts.trajectories.len()).map(|i| i * 20 + 19).collect();
     let at = |of: &[f64]| last.iter().map(|&i| of[i]).collect::<Vec<f64>>();
     let explained = 1.0 - variance(&at(&errors)) / variance(&at(&values));
     assert!((horizon.model.explained_variance_by_step[19 * 3] - explained).abs() < 1e-12);
@@ -286,14 +290,14 @@ fn scores_of_paths_follow_their_definitions() {
     let refused = |text: &str| {
         let mut options = options.clone();
         let parsed = fleetfoot_dynamics::Reference::parse(text, ["x", "y", "yaw", "r"].into_iter());
-        parsed.and_then(|own| {
-            options.references.push(own);
+        parsed.and_then(|reference| {
+            options.references.push(reference);
             rollout(&model, &source, &Starts::Even(6), &options, &Silent).map(drop)
         })
     };
-    for (text, said) in [("x", "no `=`"), ("x=r", "second reference"), ("z=r", "z"), ("yaw=q", "q")] {
+    for (text, part) in [("x", "no `=`"), ("x=r", "second reference"), ("z=r", "z"), ("yaw=q", "q")] {
         let error = refused(text).unwrap_err().to_string();
-        assert!(error.contains(said), "{text}: {error}");
+        assert!(error.contains(part), "{text}: {error}");
     }
 }
 

@@ -78,7 +78,7 @@ fn rows(count: usize) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn predictions_are_those_by_hand() {
+fn predictions_match_hand_computation() {
     let (model, columns) = (shared(), rows(300));
     let source = source(&NAMES, 0.01, vec![columns.clone()]);
     let predictor = Predictor::new(&model, &NAMES).unwrap();
@@ -104,9 +104,9 @@ fn predictions_are_those_by_hand() {
 }
 
 #[test]
-fn rollouts_are_those_by_hand() {
+fn rollouts_match_hand_computation() {
     let (mut model, columns) = (shared(), rows(200));
-    // What is no state's equation does not take part.
+    // Equations of other columns than states take no part.
     model.equations.pop();
     model.training.target_mean.pop();
     model.training.target_covariance = identity(2, 1.0);

@@ -97,7 +97,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
 }
 
 #[test]
-fn an_alias_is_rolled_out_as_its_text_is() {
+fn alias_is_rolled_out_like_its_text() {
     let recording = recording(0.0);
     for (discrete, method) in [(false, Method::Euler), (false, Method::Rk4), (true, Method::Euler)] {
         let mut options = RolloutOptions::new(120);
@@ -153,7 +153,7 @@ fn simulated_values_do_not_read_the_recording() {
 }
 
 #[test]
-fn lag_follows_the_recorded_filter_of_its_argument() {
+fn lag_follows_recorded_filter() {
     // v is recorded as the model makes it, so that the filter of the recording is the simulated one.
     let columns = vec![
         Column { source: "/v".into(), ..column("v", Role::State, false) },
@@ -183,7 +183,7 @@ fn lag_follows_the_recorded_filter_of_its_argument() {
 }
 
 #[test]
-fn stepper_values_equal_those_of_the_rollout() {
+fn stepper_values_equal_rollout() {
     let recording = recording(0.3);
     for (aliased, method) in [(true, Method::Euler), (true, Method::Rk4), (false, Method::Rk4)] {
         let model = craft(aliased, false);
@@ -291,7 +291,7 @@ impl ControllerState for DamperState {
 }
 
 #[test]
-fn a_driven_input_moves_what_follows_from_it() {
+fn driven_input_moves_derived_columns() {
     let recording = recording(0.0);
     let run = |aliased: bool, reads: &'static str| {
         let mut model = craft(aliased, false);
@@ -310,7 +310,7 @@ fn a_driven_input_moves_what_follows_from_it() {
     for k in 0..100 {
         assert_eq!(trajectory.inputs[k], -0.5 * trajectory.state(k)[0]);
     }
-    // What the controller looks at is computed too.
+    // Columns that the controller reads are computed too.
     for (alias, reads) in [(false, "y"), (true, "heading"), (true, "doubled")] {
         assert_eq!(bits(&run(alias, reads).unwrap().trajectories[0].states), bits(&trajectory.states), "{reads}");
     }

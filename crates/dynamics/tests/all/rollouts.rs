@@ -125,7 +125,7 @@ fn exponential(m: [[f64; 4]; 4], t: f64) -> [[f64; 4]; 4] {
 }
 
 #[test]
-fn an_autoregression_runs_free_from_its_recorded_history() {
+fn autoregression_runs_free_from_history() {
     let columns = vec![column("y", Role::State, false), column("u", Role::Input, false)];
     let (a1, a2, b1, c) = (1.2, -0.5, 0.7, 0.05);
     let model = model(
@@ -401,7 +401,7 @@ fn cuts_on_both_paths() {
 }
 
 #[test]
-fn the_same_bits_on_any_number_of_threads_and_in_any_grouping() {
+fn threads_and_groups_change_no_bit() {
     let (model, source) = random_hybrid(5, 2, 9, 500);
     let mut options = options(80, Method::Euler);
     options.keep = true;
@@ -427,7 +427,7 @@ proptest! {
     /// Trajectories that advance together, each alone, and each by the general path have the same bits. They may change
     /// regions, diverge, leave the training range, or need the recording's last row.
     #[test]
-    fn trajectories_together_are_those_alone(
+    fn batched_trajectories_equal_single_trajectories(
         (states, inputs, regions) in (1usize..20, 0usize..3, 1usize..60),
         (range, divergence) in (0.3f64..2.5, 0.2f64..4.0),
         outside in prop::sample::select(vec![Outside::Tell, Outside::End, Outside::Hold]),
@@ -502,7 +502,7 @@ fn time_and_irregular_stamps() {
 }
 
 #[test]
-fn models_that_cannot_be_rolled_out_are_refused() {
+fn unsuitable_models_are_refused() {
     let columns = || vec![column("x", Role::State, false), column("y", Role::State, false)];
     let plain = |prediction, library: &str| {
         model(columns(), &[library], Partition::whole(), vec![("x", prediction, "x", vec![(0.0, vec![1.0])])], &[])
@@ -600,7 +600,7 @@ fn a_map_goes_on_from_the_border_by_other_slopes() {
 
 /// A region's own range holds its own map; what is given, and what is not a number, is not held.
 #[test]
-fn a_held_map_is_that_of_the_border() {
+fn held_map_matches_border() {
     let columns = vec![column("x", Role::State, false), column("v", Role::State, false)];
     let fitted = vec![("v", Prediction::Derivative, "1", vec![(0.5, vec![-2.0, 0.3])])];
     let given = [("x", Prediction::Derivative, "v")];

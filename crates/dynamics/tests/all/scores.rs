@@ -220,7 +220,7 @@ fn the_place_in_the_training_domain() {
 }
 
 #[test]
-fn rows_that_cannot_be_scored_are_counted_by_reason() {
+fn unscored_rows_are_counted_by_reason() {
     let columns = vec![
         column("y", Role::State, false),
         column("u", Role::Input, false),

@@ -96,7 +96,7 @@ proptest! {
 
     /// Central differences with steps of 1e-7 are good to some 1e-9 of the residuals' size; within a region the model is smooth.
     #[test]
-    fn slopes_are_those_of_simulations(seed in 0u64..1 << 40, steps in 1usize..9, kind in 0usize..4, regions in 1usize..4) {
+    fn slopes_match_simulations(seed in 0u64..1 << 40, steps in 1usize..9, kind in 0usize..4, regions in 1usize..4) {
         let (prediction, method) = [
             (Prediction::Derivative, Method::Rk4),
             (Prediction::Derivative, Method::Euler),
@@ -197,7 +197,7 @@ proptest! {
 
     /// Products with one vector are those of the dense derivatives up to the rounding of sums of some hundred terms.
     #[test]
-    fn products_are_those_of_the_derivatives(seed in 0u64..1 << 40, steps in 1usize..9, kind in 0usize..4, regions in 1usize..4) {
+    fn products_match_derivatives(seed in 0u64..1 << 40, steps in 1usize..9, kind in 0usize..4, regions in 1usize..4) {
         let (prediction, method) = [
             (Prediction::Derivative, Method::Rk4),
             (Prediction::Derivative, Method::Euler),
@@ -228,7 +228,7 @@ proptest! {
 
     /// The normal matrix of one step is that of segments of one step, whatever the length of the segments whose rows it has.
     #[test]
-    fn the_normal_matrix_of_one_step_is_that_of_segments_of_one_step(seed in 0u64..1 << 40, steps in 1usize..5, regions in 1usize..4) {
+    fn one_step_normal_matrix_matches_short_segments(seed in 0u64..1 << 40, steps in 1usize..5, regions in 1usize..4) {
         let (model, source) = tangled(seed, Prediction::Derivative, regions);
         let coefficients = Coefficient::support(&model);
         let of = |steps: usize| {

@@ -56,7 +56,7 @@ fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 }
 
 #[test]
-fn a_coarse_grid_is_as_exact_as_a_fine_one() {
+fn coarse_grid_is_exact() {
     let stepper = Stepper::new(&lorenz()).unwrap();
     let start: &[&[f64]] = &[&[-8.0, 8.0, 27.0]];
     let times = every(0.1, 30);
@@ -101,7 +101,7 @@ fn time_moves_with_the_stages() {
 }
 
 #[test]
-fn right_sides_that_jump_come_to_an_end() {
+fn jumping_right_sides_terminate() {
     // Down above zero and up below it: from 0.5 on the state stays where no step is short enough.
     let mut model = given(&[]);
     model.columns = vec![column("x", Role::State, false)];

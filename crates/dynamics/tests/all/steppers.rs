@@ -142,7 +142,7 @@ fn simulations_are_the_rollouts_on_a_recording() {
 }
 
 #[test]
-fn steps_are_those_of_points_alone_and_leave_them_as_they_are() {
+fn batch_steps_match_single_points() {
     let stepper = Stepper::new(&model(KINDS[2])).unwrap();
     let mut workspace = StepperWorkspace::default();
     let mut many = points(&stepper, &[5, 9, 17], 0.05);
@@ -157,7 +157,7 @@ fn steps_are_those_of_points_alone_and_leave_them_as_they_are() {
 }
 
 #[test]
-fn substeps_are_steps_and_the_past_is_that_of_rows() {
+fn substeps_match_steps_and_keep_the_past() {
     let stepper = Stepper::new(&model(KINDS[0])).unwrap();
     let inputs = [0.3, 0.0, -0.4, 0.0, 0.2, 0.0];
     let run = |parts: usize| {

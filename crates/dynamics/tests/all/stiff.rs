@@ -49,7 +49,7 @@ fn run(
 const NO_INPUTS: (&[f64], Course) = (&[], Course::Held);
 
 #[test]
-fn a_stiff_equation_with_a_moving_rest_follows_it() {
+fn stiff_equation_follows_moving_equilibrium() {
     let stepper = derivatives(&[("x", "-1000000*(x - cos(time())) - sin(time())")], &[]);
     let times: Vec<f64> = (0..=10).map(f64::from).collect();
     let begun = Instant::now();
@@ -113,7 +113,7 @@ fn a_point_comes_back_to_explicit_steps() {
 }
 
 #[test]
-fn inputs_go_in_straight_lines_where_they_are_asked_to() {
+fn inputs_are_interpolated_on_request() {
     let stepper = derivatives(&[("x", "u")], &["u"]);
     let (times, u) = ([0.0, 0.25, 1.0, 1.5], [0.0, 2.0, -1.0, 3.0]);
     let fixed = |substeps| Integration::Fixed { method: Method::Rk4, substeps };

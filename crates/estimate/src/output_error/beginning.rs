@@ -110,7 +110,7 @@ impl Segment<'_> {
                     }
             }),
             by_beginning: Mat::from_fn(cells.len(), n, |at, j| -scale(at) * path.by_beginning[cells[at] * n + j]),
-            // What is measured is of the order of the beginning: a bound for rounding, and no more.
+            // Measurements are of the order of the first values: a bound for rounding, and no more.
             size: compared.iter().map(|&s| rows as f64 * (self.scale[s] * beginning[s]).powi(2)).sum(),
             there,
         }

@@ -76,7 +76,7 @@ impl Program<'_> {
         }
         for kind in [Kind::Bounded, Kind::Elastic(nu)] {
             let Some(mut step) = self.solve(kind, &[])? else { continue };
-            // Where which bounds hold is known, the step is that of equations again, to the last digits.
+            // With a known set of active bounds, the step solves the equations again, to the last digits.
             if kind == Kind::Bounded {
                 let pinned = std::mem::take(&mut step.pinned);
                 let exact = self.solve(Kind::Equations, &pinned)?;

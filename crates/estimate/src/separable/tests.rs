@@ -77,7 +77,7 @@ fn noisy(mut values: Vec<f64>, level: f64, seed: u64) -> Vec<f64> {
 }
 
 #[test]
-fn it_is_the_minimum_of_the_joint_problem() {
+fn solution_is_the_joint_minimum() {
     let made = |text: &'static str, seed| move |source: &MemorySource| noisy(values(source, text), 0.02, seed);
     let (y, z) = (made("0.3 + 2*exp(-0.7*u)*u + lag1(u, 0.12)", 1), made("lag1(u^2, 0.12) - 0.4*exp(-0.7*u)", 2));
     let source = excited(2_000, 5, &[("y", &y), ("z", &z)]);
@@ -217,7 +217,7 @@ fn the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn missing_values_and_borders_leave_rows_out_whatever_the_parameters() {
+fn missing_values_and_borders_drop_rows() {
     let y = |source: &MemorySource| values(source, "delay(u, 0.1)");
     let mut source = excited(500, 2, &[("y", &y)]);
     let rows = source.read(0, 0..500, Halo::default()).unwrap();

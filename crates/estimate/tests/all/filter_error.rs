@@ -93,7 +93,7 @@ fn a_gain_of_zero_is_output_error() {
 /// Every step begins at the measurement. For a linear equation that is a regression of the next value on value and
 /// input, whose coefficients are those of a Runge-Kutta step.
 #[test]
-fn a_gain_of_one_is_equation_error_over_a_step() {
+fn unit_gain_equals_equation_error() {
     let columns = lag_rows(3, 400, 0.02, 0.05);
     let rows = LAG.source(STEP, vec![columns.clone()]);
     let held = fit(&LAG, STEP, &rows, Gains::Held(vec![1.0]));
@@ -156,7 +156,7 @@ fn the_likelihood_is_at_its_maximum() {
             let h = 1e-4 * all[moved].abs().max(1e-2);
             let (low, middle, high) = (at(moved, -h), at(moved, 0.0), at(moved, h));
             let (slope, curvature) = ((high - low) / (2.0 * h), (high - 2.0 * middle + low) / (h * h));
-            // How far the parabola's minimum lies, beside how far one unit of likelihood is: 1e-3 of it, which differences of numbers of some 5,000 can tell.
+            // Distance of the parabola's minimum over the distance of one unit of likelihood: 1e-3 of it, which differences of numbers of some 5,000 can tell.
             let off = slope / curvature / (2.0 / curvature).sqrt();
             assert!(curvature > 0.0 && off.abs() < 1e-3, "{moved}: {off:e} {curvature:e} {fitted:?}");
         }
@@ -164,7 +164,7 @@ fn the_likelihood_is_at_its_maximum() {
 }
 
 #[test]
-fn the_gain_is_that_of_the_riccati_equation() {
+fn gain_matches_riccati_equation() {
     let full = std::env::var("FLEETFOOT_SWEEPS").is_ok_and(|value| value == "full");
     let (seeds, process, measured) = (if full { 200 } else { 10 }, 0.03, 0.05);
     let (mut within, mut covered) = (0, 0);

@@ -69,7 +69,7 @@ fn start() -> (Model, MemorySource) {
 /// Without weight both fits have one minimum. That of products stops when a step reduces the sum of squares no further,
 /// which determines a coefficient to the root of rounding.
 #[test]
-fn without_a_prior_the_minimum_is_that_of_the_whole_matrix() {
+fn minimum_without_prior_matches_whole_matrix() {
     let (start, source) = start();
     for steps in [1, 8] {
         let whole = simulation_error(&start, &source, &exact(steps), &Silent).unwrap();
@@ -213,7 +213,7 @@ fn matrix_free_descent_has_the_same_bits_on_any_threads() {
 /// A coefficient whose optimum is beyond its bound ends at the bound. The others end at the least sum of squares and
 /// prior with it there: no difference of theirs lowers it.
 #[test]
-fn a_model_that_is_held_ends_where_the_conditions_of_a_minimum_hold() {
+fn constrained_model_satisfies_optimality_conditions() {
     let (start, source) = start();
     let (steps, tau, bound) = (8, 0.064, 0.9);
     let options = options(steps, tau / 64.0);
@@ -237,7 +237,7 @@ fn a_model_that_is_held_ends_where_the_conditions_of_a_minimum_hold() {
             coefficient.set(&mut model, coefficient.value(&fitted.model) + by);
             square(&model)
         };
-        // What the prior may pull with: tau |H (theta - theta_1)|, small against the curvature.
+        // Bound on the force of the prior: tau |H (theta - theta_1)|, small against the curvature.
         let (down, middle, up) = (moved(-1e-4), moved(0.0), moved(1e-4));
         let curvature = (up + down - 2.0 * middle) / 1e-8;
         let newton = (up - down) / 2e-4 / curvature;

@@ -165,7 +165,7 @@ fn the_conditions_of_the_minimum_hold() {
 
 /// At the border the standard errors are those of the matrices at the border: of `bound + size u u'` with its size and angle as parameters.
 #[test]
-fn standard_errors_are_those_along_the_bound() {
+fn standard_errors_lie_along_the_bound() {
     let columns = {
         let mut random = Numbers(7);
         let mut columns: Vec<Vec<f64>> =
@@ -209,7 +209,7 @@ fn standard_errors_are_those_along_the_bound() {
 }
 
 #[test]
-fn limits_that_hold_nothing_change_no_bit_and_threads_do_not_matter() {
+fn inactive_limits_change_no_bit() {
     let (source, residuals, _) = measured(3, 3);
     let start = parameters(3, 0.4);
     let free = fit(&residuals, Bounded::new(&start, &[]), &source);

@@ -172,7 +172,7 @@ fn pendulum(h: f64) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn a_pendulum_obeys_its_equations_and_nothing_near_is_nearer() {
+fn resimulated_pendulum_is_the_nearest_solution() {
     let h = 0.04;
     let recorded = pendulum(h);
     let model = model(&PENDULUM, &["u"], Prediction::Derivative, h);

@@ -190,7 +190,7 @@ fn rows_without_noise_give_the_system() {
 /// Noise in the states that a step is fitted on pulls its coefficients towards zero by sigma^2 / (sigma^2 + variance),
 /// whatever the number of rows. Over ten steps the known inputs and the dynamics weigh more than the first state.
 #[test]
-fn noise_in_the_states_pulls_one_step_and_not_simulations() {
+fn state_noise_biases_only_one_step_fits() {
     let mut won = 0;
     let mut sums = [0.0, 0.0];
     for seed in 0..10 {
@@ -298,7 +298,7 @@ fn the_support_is_kept_and_threads_change_no_bit() {
 }
 
 #[test]
-fn segments_with_missing_inputs_are_left_out_and_missing_targets_are_not_compared() {
+fn segments_with_missing_inputs_are_dropped() {
     let mut columns = linear(1, 101, 0.0);
     columns[2][13] = f64::NAN;
     columns[0][27] = f64::NAN;

@@ -232,7 +232,7 @@ const FUNCTIONS: [&str; 4] = ["x", "v", "x^2*v", "x^3"];
 const TRUE: [f64; 8] = [0.0, 1.0, 0.0, 0.0, -1.0, 0.5, -0.5, 0.0];
 
 #[test]
-fn nothing_near_the_minimum_is_lower_and_the_truth_is_within_its_errors() {
+fn minimum_is_local_and_holds_the_truth() {
     let (rows, h) = (400, 0.05);
     let columns = van_der_pol(rows, h, [2.0, 0.0], 0.1, 5);
     let data = source(&["x", "v"], vec![(h, columns.clone())]);
@@ -330,7 +330,7 @@ fn gaps_and_missing_inputs_split_a_recording() {
 }
 
 #[test]
-fn the_bits_are_those_of_any_number_of_threads() {
+fn bits_do_not_depend_on_threads() {
     let h = 0.05;
     let episode = |seed: u64| (h, van_der_pol(80, h, [1.0 + 0.3 * seed as f64, 0.0], 0.1, 40 + seed));
     let data = source(&["x", "v"], (0..5).map(episode).collect());

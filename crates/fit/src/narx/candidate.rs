@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_simplest_within_one_standard_error_or_the_least_error() {
+    fn simplest_candidate_within_one_error_is_chosen() {
         let of = |terms: usize, folds: [f64; 2]| NarxCandidate {
             partition: 0,
             specification: "average".into(),

@@ -43,14 +43,14 @@ pub(crate) struct Chosen {
     pub(crate) terms: Vec<Vec<EquationTerms>>,
     /// Candidates of the order.
     pub(crate) candidates: usize,
-    pub(crate) how: How,
+    pub(crate) record: ChoiceRecord,
     /// The other models of the front by their number of coefficients, of which each has another, where they are wanted.
     pub(crate) rivals: Vec<(usize, Chosen)>,
 }
 
 /// The choice, its candidates and its searches.
 #[derive(Default)]
-pub(crate) struct How {
+pub(crate) struct ChoiceRecord {
     pub(crate) text: Option<String>,
     pub(crate) tried: Vec<NarxCandidate>,
     pub(crate) held_out: Option<NarxCandidate>,
@@ -91,7 +91,7 @@ impl Fit<'_> {
                     TermRule::Count(count) => Some(count),
                     _ => None,
                 };
-                self.by_rule(task, whole, &partitions[0], order, terms, How::default(), progress)
+                self.by_rule(task, whole, &partitions[0], order, terms, ChoiceRecord::default(), progress)
             }
             (NarxSelection::FreeRun, _) => self.by_free_runs(partitions, progress),
             (NarxSelection::OneStep(criterion), rule) => {
@@ -122,7 +122,7 @@ impl Fit<'_> {
         partition: &Choice,
         order: NarxOrder,
         terms: Option<usize>,
-        how: How,
+        record: ChoiceRecord,
         progress: &dyn Progress,
     ) -> Result<Chosen, Error> {
         let partition = partition.partition.as_ref();
@@ -139,7 +139,17 @@ impl Fit<'_> {
         };
         let trails = Trails::new(&Problems::all(&whole, regions.as_ref()), columns, rule, by)?;
         let terms = trails.terms(terms.filter(|_| rule != TermRule::All));
-        Ok(Chosen { partition: 0, order, task: task.task, whole, regions, terms, candidates, how, rivals: Vec::new() })
+        Ok(Chosen {
+            partition: 0,
+            order,
+            task: task.task,
+            whole,
+            regions,
+            terms,
+            candidates,
+            record,
+            rivals: Vec::new(),
+        })
     }
 
     /// Simulations of spans that did not train decide.
@@ -188,7 +198,7 @@ impl Fit<'_> {
         };
         let resting = resting(&tried, self.options.folds)?;
         let candidates = tried.iter().map(|tried| &tried.candidate);
-        // Who names the orders compares a few; a search looks at hundreds.
+        // A caller who names the orders compares a few; a search looks at hundreds.
         let looked = search.is_some();
         let chosen = if looked { best_within_one_standard_error(candidates) } else { best(candidates) };
         let Some(at) = chosen else {
@@ -201,7 +211,7 @@ impl Fit<'_> {
         };
         let mut all: Vec<NarxCandidate> = tried.iter().map(|tried| tried.candidate.clone()).collect();
         mark(&mut all, at);
-        let how = How {
+        let record = ChoiceRecord {
             text: Some(format!(
                 "free runs of {} spans that did not train{resting}, of {} models: {}",
                 self.options.folds,
@@ -217,7 +227,7 @@ impl Fit<'_> {
             tried: all,
             orders: None,
         };
-        self.with_rivals(&tried, at, partitions, how, progress)
+        self.with_rivals(&tried, at, partitions, record, progress)
     }
 
     /// One-step errors of several partitions and orders decide, of one scan a partition.
@@ -274,13 +284,13 @@ impl Fit<'_> {
             )));
         };
         mark(&mut all, at);
-        let how = How {
+        let record = ChoiceRecord {
             text: Some(format!("{rule}, of {} models", all.len())),
             held_out: Some(all[at].clone()),
             tried: all,
-            ..How::default()
+            ..ChoiceRecord::default()
         };
-        self.with_rivals(&tried, at, partitions, how, progress)
+        self.with_rivals(&tried, at, partitions, record, progress)
     }
 
     /// Refuses orders that the rows cannot carry before anything is simulated: the lags alone say which rows there are.
@@ -300,26 +310,32 @@ impl Fit<'_> {
         tried: &[Tried],
         at: usize,
         partitions: &[Choice],
-        how: How,
+        record: ChoiceRecord,
         progress: &dyn Progress,
     ) -> Result<Chosen, Error> {
-        let written = |at: usize, how| {
+        let written = |at: usize, record| {
             let tried: &Tried = &tried[at];
-            self.written(tried, &partitions[tried.candidate.partition], how, progress)
+            self.written(tried, &partitions[tried.candidate.partition], record, progress)
         };
         let front: Vec<usize> = match self.rivals {
-            true => (0..tried.len()).filter(|&other| other != at && how.tried[other].front).collect(),
+            true => (0..tried.len()).filter(|&other| other != at && record.tried[other].front).collect(),
             false => Vec::new(),
         };
-        let mut chosen = written(at, how)?;
+        let mut chosen = written(at, record)?;
         for other in front {
-            chosen.rivals.push((tried[other].candidate.coefficients, written(other, How::default())?));
+            chosen.rivals.push((tried[other].candidate.coefficients, written(other, ChoiceRecord::default())?));
         }
         Ok(chosen)
     }
 
     /// A tried model, on all training rows that have its lags.
-    fn written(&self, tried: &Tried, partition: &Choice, how: How, progress: &dyn Progress) -> Result<Chosen, Error> {
+    fn written(
+        &self,
+        tried: &Tried,
+        partition: &Choice,
+        record: ChoiceRecord,
+        progress: &dyn Progress,
+    ) -> Result<Chosen, Error> {
         let mut columns: Vec<usize> = tried.supports.iter().flatten().flat_map(|s| s.columns.iter().copied()).collect();
         columns.sort_unstable();
         columns.dedup();
@@ -345,7 +361,7 @@ impl Fit<'_> {
         let order = tried.candidate.order;
         let candidates = tried.task.library.columns(order).len();
         let partition = tried.candidate.partition;
-        Ok(Chosen { partition, order, task, whole, regions, terms, candidates, how, rivals: Vec::new() })
+        Ok(Chosen { partition, order, task, whole, regions, terms, candidates, record, rivals: Vec::new() })
     }
 
     /// One-step errors decide, from one statistic.
@@ -378,8 +394,8 @@ impl Fit<'_> {
                 format!("fewest terms within one standard error of the least one-step error of {folds} held-out spans")
             }
         };
-        let how = How { text: Some(text), orders: Some(search), ..How::default() };
-        self.by_rule(task, whole, partition, order, terms, how, progress)
+        let record = ChoiceRecord { text: Some(text), orders: Some(search), ..ChoiceRecord::default() };
+        self.by_rule(task, whole, partition, order, terms, record, progress)
     }
 
     /// Orders compared on the statistic.

@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn cheap_jobs_come_first_and_skipped_ones_are_recorded() {
+    fn cheap_jobs_run_first() {
         let mut budget = Budget::new(Effort::Low);
         let cost = |order: NarxOrder| order.outputs as u64 * 60_000_000;
         let orders = || vec![order(3), order(1), order(2), order(1), order(7)];

@@ -36,7 +36,7 @@ use crate::{
     sindy::coefficients_of,
     spans::Spans,
     summary::FitSummary,
-    worth::no_better,
+    worth::{no_better, verdict},
 };
 
 /// `fit narx`: one scan for all orders, one more a partition, and simulations. Of a statistic: no pass, and no
@@ -57,7 +57,7 @@ pub struct Scanned {
 }
 
 /// Partition, order and terms that were chosen.
-pub struct Found {
+pub struct Solution {
     chosen: Chosen,
     partition: Choice,
     model: Model,
@@ -70,7 +70,7 @@ impl Method for Narx {
     type Report = NarxReport;
     type Task = NarxBase;
     type Sums = Option<Scanned>;
-    type Found = Found;
+    type Solution = Solution;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
         Ok(Self { options: NarxOptions::new(recipe)?, free_run: request.free_run.clone(), rivals: request.rivals })
@@ -206,7 +206,7 @@ impl Method for Narx {
         sums: &Self::Sums,
         notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<Vec<Found>, Error> {
+    ) -> Result<Vec<Solution>, Error> {
         let mut options = self.options.clone();
         options.order = data.task.simulated(options.order, data.step)?;
         let summed =
@@ -226,12 +226,17 @@ impl Method for Narx {
         Ok(vec![fit.find(notes, progress)?])
     }
 
-    fn model(solution: &Found) -> &Model {
+    fn model(solution: &Solution) -> &Model {
         &solution.model
     }
 
     /// Terms are chosen anew, in the order that was found.
-    fn again(&self, data: Data<'_, NarxBase>, solution: &Found, progress: &dyn Progress) -> Result<Beginning, Error> {
+    fn again(
+        &self,
+        data: Data<'_, NarxBase>,
+        solution: &Solution,
+        progress: &dyn Progress,
+    ) -> Result<Beginning, Error> {
         let order = OrderRule::Fixed(solution.chosen.order);
         let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
         let again = Self { options, free_run: Logs::default(), rivals: false };
@@ -242,7 +247,7 @@ impl Method for Narx {
     fn held_out_by_time(
         &self,
         data: Data<'_, NarxBase>,
-        solution: &Found,
+        solution: &Solution,
         progress: &dyn Progress,
     ) -> Option<Result<Model, Error>> {
         (self.options.test_share == 0.0).then(|| Ok(self.again(data, solution, progress)?.0))
@@ -252,7 +257,7 @@ impl Method for Narx {
         &self,
         _: Data<'_, NarxBase>,
         _: &Self::Sums,
-        solution: &mut Found,
+        solution: &mut Solution,
         refinement: &mut Refinement,
     ) -> Result<(), Error> {
         if refinement.written {
@@ -267,7 +272,7 @@ impl Method for Narx {
         task.row_functions()
     }
 
-    fn facts(&self, _: Data<'_, NarxBase>, _: &Self::Sums, solution: &Found) -> RowFacts {
+    fn facts(&self, _: Data<'_, NarxBase>, _: &Self::Sums, solution: &Solution) -> RowFacts {
         let (labels, whole) = (solution.chosen.labels(), &solution.chosen.whole);
         let counts = whole.counts();
         RowFacts {
@@ -281,12 +286,12 @@ impl Method for Narx {
         &self,
         data: Data<'_, NarxBase>,
         _: &Self::Sums,
-        solution: Found,
+        solution: Solution,
         mut summary: FitSummary,
         progress: &dyn Progress,
     ) -> Result<Fitted<NarxReport>, Error> {
         progress.stage("scores");
-        let Found { chosen, partition, model, rivals, .. } = solution;
+        let Solution { chosen, partition, model, rivals, .. } = solution;
         let train = match data.rows {
             Some(rows) => Some(scores(&model, rows, progress)?.ok_or_else(|| too_short(rows))?),
             None => None,
@@ -318,14 +323,16 @@ impl Method for Narx {
                 model.step
             ));
         }
-        let mut how = chosen.how;
-        // What is told as held out is of the model that is written; that of one step is another.
+        let mut record = chosen.record;
+        // Reported held-out errors are those of the written model; the one-step model is another.
         if summary.refinement.as_ref().is_some_and(|refinement| refinement.written) {
-            how.held_out = None;
+            record.held_out = None;
         }
-        if let Some(held_out) = &how.held_out {
+        if let Some(held_out) = &record.held_out {
             let outputs: Vec<String> = chosen.task.fitted.iter().map(|equation| equation.label.clone()).collect();
-            summary.notes.extend(no_better("simulated", [(outputs.join(", "), held_out.rrse * held_out.rrse)]));
+            let share = (outputs.join(", "), held_out.rrse * held_out.rrse);
+            summary.verdict = verdict("simulated", [share.clone()], None);
+            summary.notes.extend(no_better("simulated", [share]));
         }
         let report = NarxReport {
             rows: chosen.whole.counts().complete,
@@ -333,12 +340,12 @@ impl Method for Narx {
             direct: chosen.order.direct,
             candidates: chosen.candidates,
             partition: partition.map_or_else(|| "average".into(), |partition| partition.specification.clone()),
-            choice: how.text,
-            linear: super::report::linear(how.held_out.as_ref(), &how.tried),
-            held_out: how.held_out,
-            search: how.search,
-            tried: how.tried,
-            orders: how.orders,
+            choice: record.text,
+            linear: super::report::linear(record.held_out.as_ref(), &record.tried),
+            held_out: record.held_out,
+            search: record.search,
+            tried: record.tried,
+            orders: record.orders,
             regions,
             train,
             test,
@@ -361,7 +368,7 @@ fn too_short(source: &dyn Source) -> Error {
 }
 
 impl Fit<'_> {
-    fn find(&self, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Found, Error> {
+    fn find(&self, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Solution, Error> {
         let mut partitions = self.partitions(notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
         notes.extend(start_note(&self.options.partitions, &partitions[chosen.partition]));
@@ -377,7 +384,7 @@ impl Fit<'_> {
         }
         let provenance = self.provenance(partition.partition.as_ref(), partition.seed);
         let model = self.model_of(&chosen, &partition);
-        Ok(Found { chosen, partition, model, rivals, provenance })
+        Ok(Solution { chosen, partition, model, rivals, provenance })
     }
 
     fn model_of(&self, chosen: &Chosen, partition: &Choice) -> Model {

@@ -189,7 +189,7 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
         },
         every: past.map(|past| past.every),
         degree: if additive { Some(1) } else { degree },
-        // Who says how far back inputs go has said how they act.
+        // A caller who sets the lags of inputs has also set how inputs act.
         direct: if has_inputs {
             section.direct.or(section.lags_in.or(past.map(|past| past.values)).map(|_| false))
         } else {
@@ -224,8 +224,8 @@ struct Past {
 
 impl Past {
     fn new(lags: Lags, section: &NarxSection, has_inputs: bool) -> Result<Self, Error> {
-        let said = [("lags_out", section.lags_out), ("lags_in", section.lags_in)];
-        if let Some((entry, _)) = said.iter().find(|(_, value)| value.is_some()) {
+        let entries = [("lags_out", section.lags_out), ("lags_in", section.lags_in)];
+        if let Some((entry, _)) = entries.iter().find(|(_, value)| value.is_some()) {
             return Err(Error::conflict(format!(
                 "{} and {given_lags}: both set the number of earlier rows; remove one. {LAGS} counts the rows before the present one, of outputs{}",
                 NARX.entry(entry),

@@ -101,10 +101,10 @@ impl Fit<'_> {
 
 /// Partitions to choose from, and the cells of k-means that refined ones start from. Regions with lower one-step errors
 /// need not simulate better; free runs compare both. A request for a single partition stays as it is.
-pub(crate) fn with_starts(asked: &[Specification]) -> Vec<Specification> {
-    let mut all = asked.to_vec();
+pub(crate) fn with_starts(listed: &[Specification]) -> Vec<Specification> {
+    let mut all = listed.to_vec();
     if all.len() > 1 {
-        for start in asked.iter().filter_map(Specification::refined_from) {
+        for start in listed.iter().filter_map(Specification::refined_from) {
             if !all.contains(&start) {
                 all.push(start);
             }
@@ -114,11 +114,12 @@ pub(crate) fn with_starts(asked: &[Specification]) -> Vec<Specification> {
 }
 
 /// Note about a starting partition that only refinements named.
-pub(crate) fn start_note(asked: &[Specification], chosen: &Choice) -> Option<String> {
-    if asked.contains(&chosen.specification) {
+pub(crate) fn start_note(listed: &[Specification], chosen: &Choice) -> Option<String> {
+    if listed.contains(&chosen.specification) {
         return None;
     }
-    let mut refined = asked.iter().filter(|partition| partition.refined_from().as_ref() == Some(&chosen.specification));
+    let mut refined =
+        listed.iter().filter(|partition| partition.refined_from().as_ref() == Some(&chosen.specification));
     let refined = refined.next()?;
     let start = &chosen.specification;
     Some(format!(
@@ -198,12 +199,12 @@ mod tests {
         assert_eq!(partitions_of_fold.iter().map(Vec::len).collect::<Vec<_>>(), [0, 0, 3, 3, 3, 0]);
         // Beside them stands what refinements start from, once.
         assert_eq!(partitions[5].specification, Specification::KMeans(4));
-        let asked = &options.partitions;
+        let listed = &options.partitions;
         assert!(
-            start_note(asked, &partitions[5]).unwrap().contains("refined:4")
-                && start_note(asked, &partitions[1]).is_none()
+            start_note(listed, &partitions[5]).unwrap().contains("refined:4")
+                && start_note(listed, &partitions[1]).is_none()
         );
-        assert_eq!(with_starts(&asked[2..3]), asked[2..3]);
+        assert_eq!(with_starts(&listed[2..3]), listed[2..3]);
         partitions_of_fold
     }
 

@@ -102,6 +102,6 @@ impl Fit<'_> {
     fn order(&self, progress: &dyn Progress) -> Result<(NarxOrder, usize), Error> {
         let partitions = self.partitions(&mut Vec::new(), progress)?;
         let chosen = self.choose(&partitions, progress)?;
-        Ok((chosen.order, chosen.how.tried.len()))
+        Ok((chosen.order, chosen.record.tried.len()))
     }
 }

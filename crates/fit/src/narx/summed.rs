@@ -113,11 +113,11 @@ impl<'a> Sums<'a> {
             return Err(unserved(file));
         };
         let order = summed.order;
-        if let OrderRule::Fixed(asked) | OrderRule::UpTo(asked) = fit.order
-            && !asked.is_within(order)
+        if let OrderRule::Fixed(requested) | OrderRule::UpTo(requested) = fit.order
+            && !requested.is_within(order)
         {
             return Err(Error::other_statistic(format!(
-                "the statistic has the sums of {order}, the fit asks for {asked}: ask for less, scan again with these lags in {NARX}, or give the logs"
+                "the statistic has the sums of {order}, the fit asks for {requested}: ask for less, scan again with these lags in {NARX}, or give the logs"
             )));
         }
         Ok(Self { file, equations, order })

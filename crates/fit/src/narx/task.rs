@@ -196,12 +196,14 @@ impl NarxBase {
 
     /// The present row and those before it: so many of every output, then of every input, lag by lag.
     pub(crate) fn past(&self, outputs: usize, inputs: usize) -> Vec<Expr> {
-        let Candidates::Polynomial { outputs: own, inputs: given } = &self.candidates else { return Vec::new() };
+        let Candidates::Polynomial { outputs: output_terms, inputs: input_terms } = &self.candidates else {
+            return Vec::new();
+        };
         let row = |lag: usize| {
             let of = |exprs: &[Expr], lags: usize| -> Vec<Expr> {
                 exprs.iter().filter(|_| lag < lags).map(|expr| expr.shifted(lag as i32)).collect()
             };
-            [of(own, outputs), of(given, inputs)].concat()
+            [of(output_terms, outputs), of(input_terms, inputs)].concat()
         };
         (0..outputs.max(inputs)).flat_map(row).collect()
     }

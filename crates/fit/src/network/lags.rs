@@ -8,7 +8,7 @@ use fleetfoot_model::{Basis, Model};
 use fleetfoot_task::Task;
 
 use super::{
-    Network, NetworkFound,
+    Network, NetworkSolution,
     report::{LagChoice, NetworkCandidate},
     rows::Rows,
     search::choose,
@@ -53,37 +53,38 @@ impl Network {
     pub(super) fn with_lags(
         &self,
         data: Data<'_, Task>,
-        present: (NetworkFound, Vec<String>),
+        present: (NetworkSolution, Vec<String>),
         (task, past): (&Task, &PastRows),
         notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<NetworkFound, Error> {
+    ) -> Result<NetworkSolution, Error> {
         let mut of_past = Vec::new();
         let compared = self.one(Data { task, ..data }, &mut of_past, progress).and_then(|lagged| {
             let simulated = self.simulated(data, [&present.0, &lagged], progress)?;
             Ok((lagged, simulated))
         });
-        let (mut found, mut of_present) = present;
-        let (lagged, Simulated { horizon, errors: [without, with], models: [own, of_lags] }) = match compared {
-            Ok(compared) => compared,
-            Err(error) => {
-                let reason = match &error {
-                    Error::Cancelled(_) => "stopped".to_owned(),
-                    other => other.to_string(),
-                };
-                notes.append(&mut of_present);
-                notes.push(format!("models of past rows were not compared ({reason}): only the present row is read; {LAGS} gives past rows"));
-                return Ok(found);
-            }
-        };
+        let (mut solution, mut of_present) = present;
+        let (lagged, Simulated { horizon, errors: [without, with], models: [present_models, past_models] }) =
+            match compared {
+                Ok(compared) => compared,
+                Err(error) => {
+                    let reason = match &error {
+                        Error::Cancelled(_) => "stopped".to_owned(),
+                        other => other.to_string(),
+                    };
+                    notes.append(&mut of_present);
+                    notes.push(format!("models of past rows were not compared ({reason}): only the present row is read; {LAGS} gives past rows"));
+                    return Ok(solution);
+                }
+            };
         let candidate = |losses: &Vec<f64>| NetworkCandidate::new(&[], 0, losses.clone(), Vec::new());
         let chosen = choose(&[candidate(&without), candidate(&with)]) == 1;
-        let mut of_folds = (own, &without[..]);
+        let mut of_folds = (present_models, &without[..]);
         if chosen {
-            (found, of_present, of_folds) = (lagged, of_past, (of_lags, &with[..]));
+            (solution, of_present, of_folds) = (lagged, of_past, (past_models, &with[..]));
         }
         notes.append(&mut of_present);
-        let (written, anew) = self.steadied(data, &mut found, horizon, of_folds, progress)?;
+        let (written, anew) = self.steadied(data, &mut solution, horizon, of_folds, progress)?;
         if anew {
             notes.push("simulations of all rows chose the hidden layers and the ridge of the written model, among those of all rows and of the folds: the first training simulated its rows worse than the folds' networks their held-out rows".into());
         }
@@ -95,8 +96,8 @@ impl Network {
             past.in_words(),
             mean(&without),
         ));
-        found.lags = Some(LagChoice { past: past.clone(), horizon, without, with, chosen, written, anew });
-        Ok(found)
+        solution.lags = Some(LagChoice { past: past.clone(), horizon, without, with, chosen, written, anew });
+        Ok(solution)
     }
 
     /// Chooses hidden layers, among those of all rows and of the folds, and the ridge of the output layer by simulations of all rows, where the written network
@@ -105,7 +106,7 @@ impl Network {
     fn steadied(
         &self,
         data: Data<'_, Task>,
-        found: &mut NetworkFound,
+        solution: &mut NetworkSolution,
         horizon: usize,
         (models, errors): (Vec<Model>, &[f64]),
         progress: &dyn Progress,
@@ -113,28 +114,28 @@ impl Network {
         let held = self.held(data, horizon)?;
         let starts = Starts::Even(held.rule().starts * held.rule().folds);
         let error = |model: &Model| -> Result<f64, Error> {
-            let found = held.simulated(model, data.rows()?, &starts, &RolloutOptions::new(horizon))?;
-            Ok(if found.ended > 0 { f64::INFINITY } else { found.share })
+            let score = held.simulated(model, data.rows()?, &starts, &RolloutOptions::new(horizon))?;
+            Ok(if score.ended > 0 { f64::INFINITY } else { score.share })
         };
-        let mut least = error(&found.model)?;
-        if found.found.chosen == 0 || least <= errors.iter().copied().fold(0.0, f64::max) {
+        let mut least = error(&solution.model)?;
+        if solution.selection.chosen == 0 || least <= errors.iter().copied().fold(0.0, f64::max) {
             return Ok((least, false));
         }
-        let rows = self.rows(Data { task: &found.task, ..data }, progress, false)?;
-        let mut again = vec![found.found.fitted.clone()];
+        let rows = self.rows(Data { task: &solution.task, ..data }, progress, false)?;
+        let mut again = vec![solution.selection.fitted.clone()];
         for model in &models {
-            again.extend(self.resolved(found.found.fitted.ridge, model, &rows, progress)?);
+            again.extend(self.resolved(solution.selection.fitted.ridge, model, &rows, progress)?);
         }
         let mut anew = false;
         for mut fitted in again {
             for ridge in RIDGES {
                 let Ok(output) = fitted.sums.solve(ridge) else { continue };
                 (fitted.output, fitted.ridge) = (output, ridge);
-                let mut model = found.linear.model.clone();
+                let mut model = solution.linear.model.clone();
                 self.write(&mut model, &fitted, &rows);
                 let error = error(&model)?;
                 if error < least {
-                    (least, found.model, anew) = (error, model, true);
+                    (least, solution.model, anew) = (error, model, true);
                 }
             }
         }
@@ -149,22 +150,22 @@ impl Network {
         rows: &Rows,
         progress: &dyn Progress,
     ) -> Result<Option<Fitted>, Error> {
-        let Some(Basis::Network(own)) = model.latents.iter().find_map(|latent| latent.map.basis()) else {
+        let Some(Basis::Network(network)) = model.latents.iter().find_map(|latent| latent.map.basis()) else {
             return Ok(None);
         };
-        if own.inputs != rows.inputs {
+        if network.inputs != rows.inputs {
             return Ok(None);
         }
         let shape = Shape {
-            inputs: own.inputs.len(),
-            hidden: own.layers.iter().map(|layer| layer.biases.len()).collect(),
+            inputs: network.inputs.len(),
+            hidden: network.layers.iter().map(|layer| layer.biases.len()).collect(),
             activation: self.options.activation,
         };
-        let parameters = own.layers.iter().flat_map(|layer| layer.weights.iter().flatten().chain(&layer.biases));
+        let parameters = network.layers.iter().flat_map(|layer| layer.weights.iter().flatten().chain(&layer.biases));
         let [all, _] = rows.split(None);
         let mut units = Units::measured(&rows.table, &all)?;
-        units.centre[..shape.inputs].copy_from_slice(&own.centre);
-        units.scale[..shape.inputs].copy_from_slice(&own.scale);
+        units.centre[..shape.inputs].copy_from_slice(&network.centre);
+        units.scale[..shape.inputs].copy_from_slice(&network.scale);
         Ok(Some(solved(&shape, parameters.copied().collect(), ridge, (&rows.table, &all, units), progress)?))
     }
 
@@ -177,7 +178,7 @@ impl Network {
     fn simulated(
         &self,
         data: Data<'_, Task>,
-        models: [&NetworkFound; 2],
+        models: [&NetworkSolution; 2],
         progress: &dyn Progress,
     ) -> Result<Simulated, Error> {
         let mut held = self.held(data, 1)?;
@@ -185,11 +186,11 @@ impl Network {
         held.reach(horizon);
         let mut of_folds = [Vec::new(), Vec::new()];
         let errors = held.errors(progress, |train| {
-            let of = |found: &NetworkFound| {
-                Ok(self.again(Data { rows: Some(train), kept: None, ..data }, found, progress)?.0)
+            let of = |solution: &NetworkSolution| {
+                Ok(self.again(Data { rows: Some(train), kept: None, ..data }, solution, progress)?.0)
             };
             let fitted: Vec<Model> = models.into_iter().map(of).collect::<Result<_, Error>>()?;
-            of_folds.iter_mut().zip(&fitted).for_each(|(all, own)| all.push(own.clone()));
+            of_folds.iter_mut().zip(&fitted).for_each(|(all, model)| all.push(model.clone()));
             Ok(fitted)
         })?;
         let errors = <[Vec<f64>; 2]>::try_from(errors).map_err(|_| Cancelled)?;

@@ -1,4 +1,4 @@
-//! How a network is trained and chosen: the words of `[network]`, checked once.
+//! Training and selection of a network: the words of `[network]`, checked once.
 
 use fleetfoot_learn::{Activation, Training};
 use fleetfoot_recipe::{ActivationWord, Effort, Recipe, seed};
@@ -15,7 +15,7 @@ const PASSES: f64 = 30.0;
 /// Products of matrices go several times as fast as the factorisations of other methods, and most trainings end before their last pass.
 const SHARE: f64 = 0.05;
 
-/// How a network is trained and chosen.
+/// Training and selection of a network.
 #[derive(Debug, Clone)]
 pub(super) struct NetworkOptions {
     /// Units of the hidden layers; `None`: sizes are tried.
@@ -46,7 +46,7 @@ impl NetworkOptions {
         })
     }
 
-    /// Whether the size is asked for.
+    /// True if the caller sets the size.
     pub(super) fn is_given(&self) -> bool {
         self.hidden.is_some()
     }
@@ -59,8 +59,8 @@ impl NetworkOptions {
             Effort::High => &[&[8], &[16], &[32], &[64], &[32, 32], &[64, 64]],
         };
         match &self.hidden {
-            Some(own) => vec![own.clone()],
-            None => tried.iter().map(|own| own.to_vec()).collect(),
+            Some(hidden) => vec![hidden.clone()],
+            None => tried.iter().map(|hidden| hidden.to_vec()).collect(),
         }
     }
 
@@ -86,7 +86,7 @@ impl NetworkOptions {
         self.memory
     }
 
-    /// How long to train on so many rows.
+    /// Training settings for a number of rows.
     pub(super) fn training(&self, hidden: &[usize], rows: usize, inputs: usize, targets: usize) -> Training {
         let pass = multiplications(hidden, inputs, targets) * rows.max(1) as f64;
         let passes = (self.budget() / pass).clamp(PASSES, 1_000.0);

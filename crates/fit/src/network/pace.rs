@@ -54,8 +54,8 @@ impl Pace {
             std::hint::black_box(sums.solve(1e-3).is_ok());
             let solve = begin.elapsed().as_secs_f64();
             let training = |rows: usize| {
-                let how = options.training(hidden, rows, inputs, targets);
-                (how.epochs as f64 + OF_STEP * how.steps as f64) * (row * rows as f64 + SOLVES * solve)
+                let training = options.training(hidden, rows, inputs, targets);
+                (training.epochs as f64 + OF_STEP * training.steps as f64) * (row * rows as f64 + SOLVES * solve)
             };
             Ok(folds.iter().chain([&rows.len()]).map(|&rows| training(rows)).sum())
         };

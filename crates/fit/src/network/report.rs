@@ -1,4 +1,4 @@
-//! What a fit of networks found, for people and for programs.
+//! Report of a fit of networks, for people and for programs.
 
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct NetworkCandidate {
     pub losses: Vec<f64>,
     /// Root mean squared error of each target on held-out rows.
     pub rmse: Vec<f64>,
-    /// Whether it is the model that is written.
+    /// True for the model that is written.
     pub chosen: bool,
 }
 
@@ -80,7 +80,7 @@ pub struct LagChoice {
     pub anew: bool,
 }
 
-/// What a fit of networks found.
+/// Report of a fit of networks.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct NetworkReport {
@@ -94,9 +94,9 @@ pub struct NetworkReport {
     pub targets: Vec<String>,
     /// Standard deviation of each target.
     pub sigma: Vec<f64>,
-    /// Which rows were held out.
+    /// Rule of the held-out rows.
     pub fold_rule: String,
-    /// What was compared, the linear map first.
+    /// The compared candidates, the linear map first.
     pub candidates: Vec<NetworkCandidate>,
     /// Index of the candidate that is written.
     pub chosen: usize,
@@ -104,7 +104,7 @@ pub struct NetworkReport {
     pub held_out: Vec<NetworkErrors>,
     /// Models of past rows beside those of the present row; `None` where lags are given, or not looked for.
     pub lags: Option<LagChoice>,
-    /// What the reports of all methods say.
+    /// Facts that the reports of all methods have.
     #[serde(flatten)]
     pub summary: FitSummary,
 }

@@ -17,7 +17,7 @@ pub(super) struct Rows {
     pub(super) table: Table,
     /// Functions of the library that vary: the inputs.
     pub(super) inputs: Vec<usize>,
-    /// What persistence predicts, rows x targets; NaN where it predicts nothing.
+    /// Predictions of persistence, rows x targets; NaN where it predicts nothing.
     pub(super) persistence: Vec<f64>,
     pub(super) folds: Vec<Fold>,
     /// Number of folds, and which rows they hold out, in words; 0 where there are none.
@@ -63,9 +63,12 @@ impl Rows {
         let layout = match options.folds {
             0 | 1 => None,
             folds => {
-                let own = episodes.iter().map(|episode| (episode.id, episode.rows));
+                let lengths = episodes.iter().map(|episode| (episode.id, episode.rows));
                 let purge = options.gap(halo.before + halo.after);
-                Some(FoldLayout::new(FoldRule::Count(folds.into()), own, purge).map_err(fleetfoot_pwa::Error::from)?)
+                Some(
+                    FoldLayout::new(FoldRule::Count(folds.into()), lengths, purge)
+                        .map_err(fleetfoot_pwa::Error::from)?,
+                )
             }
         };
         let total = source.rows().max(1);
@@ -88,11 +91,11 @@ impl Rows {
                     let block = source.read(at, range.clone(), halo)?;
                     let tile = columns.evaluate(&block, episode, 0..range.len(), &mut rows);
                     let tile = tile.map_err(fleetfoot_pwa::Error::from)?;
-                    let (own, previous) = (tile.columns(0..2), tile.columns(2..3));
+                    let (current, previous) = (tile.columns(0..2), tile.columns(2..3));
                     complete += tile.len();
                     for (k, &row) in tile.index().iter().enumerate() {
                         if taken(before + first + row) {
-                            values.extend(own.iter().map(|column| column[k]));
+                            values.extend(current.iter().map(|column| column[k]));
                             let known = previous.iter().zip(&has_persistence);
                             persistence.extend(known.map(|(column, has)| if *has { column[k] } else { f64::NAN }));
                             folds.push(fold);
@@ -130,9 +133,9 @@ impl Rows {
 /// Columns, of the first `p` of `width`, that have two values at least.
 fn varying(values: &[f64], p: usize, width: usize) -> Vec<usize> {
     let varies = |column: &usize| {
-        let mut own = values.iter().skip(*column).step_by(width);
-        let first = own.next();
-        own.any(|value| Some(value) != first)
+        let mut column_values = values.iter().skip(*column).step_by(width);
+        let first = column_values.next();
+        column_values.any(|value| Some(value) != first)
     };
     (0..p).filter(varies).collect()
 }

@@ -12,8 +12,8 @@ use super::{
 };
 use crate::error::Error;
 
-/// What the comparison found.
-pub(super) struct Found {
+/// Result of the comparison.
+pub(super) struct Selection {
     pub(super) candidates: Vec<NetworkCandidate>,
     pub(super) chosen: usize,
     /// The chosen one on all rows.
@@ -26,7 +26,7 @@ pub(super) struct Found {
 type Fold = (Vec<f64>, Option<Fitted>);
 
 /// Compares sizes, the linear map first, and fits the chosen one to all rows.
-pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progress) -> Result<Found, Error> {
+pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progress) -> Result<Selection, Error> {
     let table = &rows.table;
     let (p, q) = (table.inputs(), table.targets());
     let [all, _] = rows.split(None);
@@ -38,7 +38,12 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
         let shape = Shape { inputs: p, hidden: hidden.to_vec(), activation: options.activation };
         let numbers = shape.parameters() + (1 + p + shape.features()) * q;
         let weights: Vec<f64> = splits.iter().map(|[_, held]| held.len() as f64).collect();
-        NetworkCandidate::new(hidden, numbers, errors.iter().map(|own| loss(own)).collect(), pooled(errors, &weights))
+        NetworkCandidate::new(
+            hidden,
+            numbers,
+            errors.iter().map(|fold_errors| loss(fold_errors)).collect(),
+            pooled(errors, &weights),
+        )
     };
     progress.stage("linear model");
     let errors = parallel_map(splits.len(), progress, |at| {
@@ -69,14 +74,14 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
             break;
         }
         let shape = Shape { inputs: p, hidden: hidden.clone(), activation: options.activation };
-        let so_far = candidates.iter().map(|own| own.loss).fold(f64::INFINITY, f64::min);
+        let so_far = candidates.iter().map(|candidate| candidate.loss).fold(f64::INFINITY, f64::min);
         let stages =
             Stages::new(progress, format!("held-out loss so far {so_far:.2e}, at most {} left", pace.left(at)));
         stages.stage(&name);
         let fold = |at: usize| {
             let [train, held] = &splits[at];
-            let how = options.training(&hidden, train.len(), p, q);
-            match network(&shape, table, train, &how, &Quiet(progress)) {
+            let training = options.training(&hidden, train.len(), p, q);
+            match network(&shape, table, train, &training, &Quiet(progress)) {
                 Ok(fitted) => Ok((fitted.errors(table, held)?, (at == 0).then_some(fitted))),
                 Err(fleetfoot_learn::Error::Diverged) => Ok((vec![f64::INFINITY; q], None)),
                 Err(error) => Err(error.into()),
@@ -107,10 +112,11 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
     let fitted = if chosen == 0 {
         unstoppable(|| linear(table, &all))?
     } else {
-        let how = options.training(&hidden, all.len(), p, q);
+        let training = options.training(&hidden, all.len(), p, q);
         let shape = Shape { inputs: p, hidden, activation: options.activation };
         progress.stage(&format!("{} on all rows", candidates[chosen].name));
-        let whole = if stopped { Err(Error::Cancelled(Cancelled)) } else { again(&shape, rows, &all, &how, progress) };
+        let whole =
+            if stopped { Err(Error::Cancelled(Cancelled)) } else { again(&shape, rows, &all, &training, progress) };
         match (whole, first.swap_remove(chosen)) {
             (Err(Error::Cancelled(_)), Some(Fitted { hidden: Some((_, parameters)), ridge, .. })) => {
                 notes.push(
@@ -123,7 +129,7 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
             (whole, _) => whole?,
         }
     };
-    Ok(Found { candidates, chosen, fitted, held_out, notes })
+    Ok(Selection { candidates, chosen, fitted, held_out, notes })
 }
 
 /// A network on all rows.
@@ -131,10 +137,10 @@ fn again(
     shape: &Shape,
     rows: &Rows,
     all: &[usize],
-    how: &fleetfoot_learn::Training,
+    training: &fleetfoot_learn::Training,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
-    Ok(network(shape, &rows.table, all, how, &Quiet(progress))?)
+    Ok(network(shape, &rows.table, all, training, &Quiet(progress))?)
 }
 
 /// Only whether to stop.
@@ -152,7 +158,8 @@ impl Progress for Quiet<'_> {
 fn pooled(errors: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
     let total: f64 = weights.iter().sum();
     let targets = errors.first().map_or(0, Vec::len);
-    let of = |t: usize| errors.iter().zip(weights).map(|(own, weight)| own[t] * weight).sum::<f64>() / total;
+    let of =
+        |t: usize| errors.iter().zip(weights).map(|(fold_errors, weight)| fold_errors[t] * weight).sum::<f64>() / total;
     (0..targets).map(|t| of(t).sqrt()).collect()
 }
 
@@ -161,10 +168,10 @@ fn pooled(errors: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
 pub(super) fn choose(candidates: &[NetworkCandidate]) -> usize {
     let of = |at: &usize| candidates[*at].loss;
     let best = (0..candidates.len()).min_by(|a, b| of(a).total_cmp(&of(b))).unwrap_or(0);
-    let is_as_good = |own: &NetworkCandidate| {
+    let is_as_good = |candidate: &NetworkCandidate| {
         let logarithm = |loss: &f64| loss.max(f64::MIN_POSITIVE).ln();
-        let pairs = own.losses.iter().zip(&candidates[best].losses);
-        let ratios: Vec<f64> = pairs.map(|(own, best)| logarithm(own) - logarithm(best)).collect();
+        let pairs = candidate.losses.iter().zip(&candidates[best].losses);
+        let ratios: Vec<f64> = pairs.map(|(loss, best)| logarithm(loss) - logarithm(best)).collect();
         let (mean, error) = mean_and_error(&ratios);
         mean <= error
     };

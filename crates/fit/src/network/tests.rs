@@ -38,14 +38,14 @@ fn rows(count: usize, target: impl Fn(f64, f64) -> f64) -> Rows {
 
 #[test]
 fn a_curve_gets_a_network_and_a_plane_does_not() {
-    let found = search(&rows(1_000, |x, z| x.sin() * z), &options(), &Silent).unwrap();
-    assert!(found.chosen > 0 && found.fitted.hidden.is_some());
-    let names: Vec<&str> = found.candidates.iter().map(|own| own.name.as_str()).collect();
+    let selection = search(&rows(1_000, |x, z| x.sin() * z), &options(), &Silent).unwrap();
+    assert!(selection.chosen > 0 && selection.fitted.hidden.is_some());
+    let names: Vec<&str> = selection.candidates.iter().map(|candidate| candidate.name.as_str()).collect();
     assert_eq!(names, ["linear", "network 8", "network 16"]);
     // Persistence predicts zero here, and the noise is all that is left.
-    assert!(found.held_out[0].rmse < 0.03 && found.held_out[0].persistence > 0.5, "{:?}", found.held_out);
-    let found = search(&rows(1_000, |x, z| x - 0.5 * z), &options(), &Silent).unwrap();
-    assert!(found.chosen == 0 && found.fitted.hidden.is_none());
+    assert!(selection.held_out[0].rmse < 0.03 && selection.held_out[0].persistence > 0.5, "{:?}", selection.held_out);
+    let selection = search(&rows(1_000, |x, z| x - 0.5 * z), &options(), &Silent).unwrap();
+    assert!(selection.chosen == 0 && selection.fitted.hidden.is_none());
 }
 
 #[test]
@@ -65,18 +65,18 @@ fn a_stop_leaves_the_best_so_far() {
         }
     }
     let rows = rows(1_000, |x, z| x.sin() * z);
-    let found = search(&rows, &options(), &Stop::default()).unwrap();
-    assert_eq!((found.candidates.len(), found.chosen), (2, 1));
-    assert!(found.notes.iter().any(|note| note.contains("stopped before network 16")), "{:?}", found.notes);
+    let selection = search(&rows, &options(), &Stop::default()).unwrap();
+    assert_eq!((selection.candidates.len(), selection.chosen), (2, 1));
+    assert!(selection.notes.iter().any(|note| note.contains("stopped before network 16")), "{:?}", selection.notes);
     let [all, _] = rows.split(None);
-    let error = found.fitted.errors(&rows.table, &all).unwrap()[0].sqrt();
+    let error = selection.fitted.errors(&rows.table, &all).unwrap()[0].sqrt();
     assert!(error < 0.05, "{error}");
 }
 
 #[test]
-fn the_smallest_within_one_standard_error_of_the_ratio_is_taken() {
+fn smallest_candidate_within_one_error_is_chosen() {
     let of = |losses: [[f64; 4]; 3]| {
-        let candidate = |own: &[f64; 4]| NetworkCandidate::new(&[], 1, own.to_vec(), Vec::new());
+        let candidate = |losses: &[f64; 4]| NetworkCandidate::new(&[], 1, losses.to_vec(), Vec::new());
         choose(&losses.iter().map(candidate).collect::<Vec<_>>())
     };
     // The first fold is hard for all: ratios tell what differences hide.

@@ -30,7 +30,7 @@ fn linear_sums(table: &Table, rows: &[usize]) -> Result<(Units, Statistic), Erro
     let first = sums(&units)?;
     let errors = first.errors(&first.solve(0.0)?);
     for (scale, error) in units.scale[table.inputs()..].iter_mut().zip(errors) {
-        // What the linear map explains to rounding is not blown up.
+        // Rounding errors of targets that the linear map explains are not amplified.
         *scale *= error.sqrt().max(1e-6);
     }
     let sums = sums(&units)?;
@@ -48,21 +48,21 @@ pub(super) fn network(
     shape: &Shape,
     table: &Table,
     rows: &[usize],
-    how: &Training,
+    training: &Training,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
     let (units, _) = linear_sums(table, rows)?;
     let stops = |at: usize| (at * PARTS / rows.len()) % EVERY == EVERY - 1;
     let part = |wanted: bool| {
-        let mut own: Vec<usize> =
+        let mut part_rows: Vec<usize> =
             rows.iter().enumerate().filter(|(at, _)| stops(*at) == wanted).map(|(_, &row)| row).collect();
         // Mini-batches of neighbours in time would be all alike.
-        let key = mix(how.seed);
-        own.sort_by_key(|&row| (mix(key.wrapping_add(row as u64)), row));
-        own
+        let key = mix(training.seed);
+        part_rows.sort_by_key(|&row| (mix(key.wrapping_add(row as u64)), row));
+        part_rows
     };
     let [fitted, held] = [false, true].map(|wanted| table.samples(&part(wanted), &units));
-    let trained = train(shape, &fitted, &held, how, progress)?;
+    let trained = train(shape, &fitted, &held, training, progress)?;
     solved(shape, trained.parameters, trained.ridge, (table, rows, units), progress)
 }
 

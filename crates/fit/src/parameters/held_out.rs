@@ -6,7 +6,7 @@ use fleetfoot_dynamics::{Method, RolloutOptions, Starts};
 use fleetfoot_model::Model;
 use fleetfoot_task::ParametersTask;
 
-use super::{EstimateOptions, ParametersHeldOut, again, closed, report::Found};
+use super::{EstimateOptions, ParametersHeldOut, again, closed, report::Estimate};
 use crate::{
     error::Error,
     rollout_choice::{HeldOut, RolloutRule, USUAL_HORIZON},
@@ -16,7 +16,7 @@ use crate::{
 pub(super) fn held_out(
     task: &ParametersTask,
     open: &Model,
-    estimate: &Found,
+    estimate: &Estimate,
     (source, smoothed): (&dyn Source, usize),
     options: &EstimateOptions,
     notes: &mut Vec<String>,
@@ -39,7 +39,7 @@ pub(super) fn held_out(
 fn rollouts(
     task: &ParametersTask,
     open: &Model,
-    estimate: &Found,
+    estimate: &Estimate,
     (source, smoothed): (&dyn Source, usize),
     options: &EstimateOptions,
     progress: &dyn Progress,

@@ -138,7 +138,7 @@ impl ParametersHeldOut {
 }
 
 /// Result of a method.
-pub(super) enum Found {
+pub(super) enum Estimate {
     Equation(EquationError),
     Simulated { estimate: OutputError, filter: Option<Filter> },
 }
@@ -149,19 +149,19 @@ pub(super) struct Filter {
     pub(super) innovations: Mat<f64>,
 }
 
-impl From<OutputError> for Found {
+impl From<OutputError> for Estimate {
     fn from(output_error: OutputError) -> Self {
         Self::Simulated { estimate: output_error, filter: None }
     }
 }
 
-impl From<FilterError> for Found {
+impl From<FilterError> for Estimate {
     fn from(FilterError { parameters: estimate, gains, innovations, .. }: FilterError) -> Self {
         Self::Simulated { estimate, filter: Some(Filter { gains, innovations }) }
     }
 }
 
-impl Found {
+impl Estimate {
     fn method(&self) -> EstimateMethod {
         match self {
             Self::Equation(_) => EstimateMethod::EquationError,
@@ -251,7 +251,7 @@ pub(super) fn word(method: EstimateMethod) -> &'static str {
 pub(super) fn report(
     task: &ParametersTask,
     open: &Model,
-    (estimate, free): (&Found, Option<&Found>),
+    (estimate, free): (&Estimate, Option<&Estimate>),
     held_out: Option<ParametersHeldOut>,
     mut summary: FitSummary,
 ) -> ParametersReport {
@@ -281,18 +281,18 @@ pub(super) fn report(
     };
     let equations = open.equations.iter().map(equation);
     let limit = |limit: &MatrixLimit| {
-        let clearance = |estimate: &Found| limit.clearance(estimate.values());
+        let clearance = |estimate: &Estimate| limit.clearance(estimate.values());
         LimitReport::of_matrix(limit, clearance(estimate), free.map(clearance))
     };
     let limits = task.limits.iter().map(limit).collect();
     let (noise, segments, memory, condition, gradient, converged) = match estimate {
-        Found::Equation(estimation) => {
+        Estimate::Equation(estimation) => {
             let labels = task.residuals.iter().map(|residual| residual.name.clone());
             let converged = estimation.settled && estimation.estimate.status.converged();
             let noise = labels.zip(estimation.deviations.iter().copied()).collect();
             (noise, None, None, estimation.estimate.condition, estimation.estimate.gradient, converged)
         }
-        Found::Simulated { estimate, .. } => {
+        Estimate::Simulated { estimate, .. } => {
             let noise = estimate.outputs.iter().cloned().zip(estimate.deviations.iter().copied()).collect();
             let segments = Some([estimate.beginnings.len(), estimate.missing]);
             let converged = estimate.status != Status::Iterations;
@@ -300,7 +300,7 @@ pub(super) fn report(
         }
     };
     let (gains, innovations) = match estimate {
-        Found::Simulated { filter: Some(Filter { gains, innovations }), .. } => {
+        Estimate::Simulated { filter: Some(Filter { gains, innovations }), .. } => {
             let row = |i: usize| (0..innovations.ncols()).map(|j| innovations[(i, j)]).collect();
             (gains.iter().map(GainInterval::from).collect(), (0..innovations.nrows()).map(row).collect())
         }
@@ -326,7 +326,7 @@ pub(super) fn report(
         memory,
         condition,
         gradient,
-        lasting: matches!(estimate, Found::Simulated { estimate, .. } if estimate.lasting),
+        lasting: matches!(estimate, Estimate::Simulated { estimate, .. } if estimate.lasting),
         converged,
         held_out,
         equations: equations.collect(),

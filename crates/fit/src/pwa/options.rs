@@ -76,7 +76,7 @@ impl PwaOptions {
         let section = &recipe.pwa;
         let mut options = Options::default();
         options.folds = checked("folds", section.folds.unwrap_or(options.folds), |&n| n <= FOLDS, "0 to 100")?;
-        // Where nothing is held out, more regions are better for all that training rows tell.
+        // Without held-out rows, more regions always fit the training rows better.
         let unsaid = if options.folds > 1 || section.select.is_some() { TRIED } else { "average" };
         options.partitions = Specification::parse_list(recipe.model.partition.as_deref().unwrap_or(unsaid))?;
         options.selection = match section.select {

@@ -34,15 +34,15 @@ impl Summed {
     /// Those of the recipe; a question that needs rows; targets, functions or regions that were not summed; folds that the chunks are too long for.
     pub(super) fn new(
         recipe: &Recipe,
-        said: &PwaOptions,
+        requested: &PwaOptions,
         file: &StatisticFile,
         notes: &mut Vec<String>,
     ) -> Result<(Task, Self), Error> {
         radial::refuse_statistic(recipe)?;
-        refuse_rows(said)?;
-        let options = said.of_step(file.step());
-        let unsaid = recipe.model.partition.is_none();
-        let partitions = if unsaid { vec![Specification::Average] } else { options.partitions.clone() };
+        refuse_rows(requested)?;
+        let options = requested.of_step(file.step());
+        let without_partition = recipe.model.partition.is_none();
+        let partitions = if without_partition { vec![Specification::Average] } else { options.partitions.clone() };
         let expanded = recipe.expand(&file.fields)?;
         let part = |one: &Specification| Part::new(file, &expanded, one, &options);
         let parts =
@@ -54,7 +54,7 @@ impl Summed {
         for (one, part) in &parts {
             notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
         }
-        if unsaid {
+        if without_partition {
             notes.push(format!(
                 "the statistic has one region: {scan_command} sums those that are tried on logs",
                 scan_command = SCAN.with(PARTITION.to(TRIED))
@@ -71,7 +71,7 @@ impl Summed {
                     .into(),
             );
         }
-        let task = Task::resolve(&expanded, &file.fields, &said.labels(), file.step())?;
+        let task = Task::resolve(&expanded, &file.fields, &requested.labels(), file.step())?;
         let rows = whole.rows(file);
         Ok((task, Self { whole, parts, rows }))
     }
@@ -101,19 +101,19 @@ impl Summed {
 }
 
 /// Refuses settings that a statistic cannot serve.
-fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
-    let problem = if said.rollouts.is_some() {
+fn refuse_rows(options: &PwaOptions) -> Result<(), Error> {
+    let problem = if options.rollouts.is_some() {
         format!(
             "rollouts need rows: remove {given_select} and name the span of a derivative",
             given_select = SELECT.to("rollout")
         )
-    } else if said.phase {
+    } else if options.phase {
         format!("{PHASE} needs rows: remove it")
-    } else if said.identification.tsqr {
+    } else if options.identification.tsqr {
         format!("{TSQR} factors rows: remove it")
-    } else if said.identification.continuous {
+    } else if options.identification.continuous {
         format!("{CONTINUOUS} needs rows to see which regions are neighbours: remove it")
-    } else if said.identification.unseen == UnseenLabel::Pool {
+    } else if options.identification.unseen == UnseenLabel::Pool {
         format!(
             "{given_unseen_labels} asks for one more region, which was not summed: remove it",
             given_unseen_labels = UNSEEN_LABELS.to("pool")
@@ -206,9 +206,9 @@ fn folds(scan: &SystemScan, count: u16, purge: Purge) -> Result<Folds, Error> {
 }
 
 fn unserved(file: &StatisticFile, partition: Option<&str>) -> Error {
-    let asked = partition.map_or_else(String::new, |partition| format!(" in the regions of {partition}"));
+    let in_regions = partition.map_or_else(String::new, |partition| format!(" in the regions of {partition}"));
     Error::other_statistic(format!(
-        "the statistic has no sums for {FIT_PWA}{asked} with the targets, functions and weights of the recipe; without the logs it serves {}; scan again with \
+        "the statistic has no sums for {FIT_PWA}{in_regions} with the targets, functions and weights of the recipe; without the logs it serves {}; scan again with \
          that recipe{}, or give the logs",
         served(file).join(", "),
         partition.map_or_else(String::new, |partition| format!(

@@ -106,7 +106,7 @@ impl Evidence {
             notes.truncate(before);
             let mut plain = recipe.clone();
             plain.sindy.weak = Some(Tunable::Word("off".into()));
-            // Where numbers inside expressions were estimated, the columns are those with these numbers.
+            // If numbers inside expressions were estimated, the columns are those with these numbers.
             if !task.parameters.is_empty() {
                 (*dataset, *task) = Dataset::for_equations(&plain, logs, progress)?;
             }

@@ -24,7 +24,7 @@ pub(super) fn free(
         return Ok(None);
     }
     let free = solver.free();
-    // What is to be known of them is known of the bounded ones.
+    // Their notes would repeat those of the bounded equations.
     let regions = 0..evidence.scan.regions();
     regions.map(|region| free.solve(region, &mut Vec::new(), progress)).collect::<Result<_, _>>().map(Some)
 }

@@ -354,21 +354,21 @@ fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
 /// # Errors
 /// Another entry that it would overrule.
 fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
-    let asked = section.smooth_states.unwrap_or_default();
+    let choice = section.smooth_states.unwrap_or_default();
     match overruled(section) {
-        None => Ok(asked),
-        Some(_) if asked == SmoothStates::Auto => Ok(SmoothStates::Off),
-        Some(what) if asked == SmoothStates::On => Err(Error::conflict(format!(
-            "{entry}, and {what}: terms are selected together with the smoothed states, by the residuals of the measurements; remove one of them",
+        None => Ok(choice),
+        Some(_) if choice == SmoothStates::Auto => Ok(SmoothStates::Off),
+        Some(setting) if choice == SmoothStates::On => Err(Error::conflict(format!(
+            "{entry}, and {setting}: terms are selected together with the smoothed states, by the residuals of the measurements; remove one of them",
             entry = SINDY.entry("smooth_states").is("on")
         ))),
-        Some(_) => Ok(asked),
+        Some(_) => Ok(choice),
     }
 }
 
 /// Name of another setting that fixes the terms.
 fn overruled(section: &SindySection) -> Option<&'static str> {
-    let said = [
+    let settings = [
         (section.terms.is_some(), "terms"),
         (section.threshold.is_some(), "threshold"),
         (section.ensemble.is_some(), "ensemble"),
@@ -377,7 +377,7 @@ fn overruled(section: &SindySection) -> Option<&'static str> {
         (section.optimizer.is_some_and(|optimizer| optimizer != SindyOptimizer::Auto), "an optimizer"),
         (section.objective.is_some_and(|objective| objective != Objective::OneStep), "an objective of simulations"),
     ];
-    said.into_iter().find(|(said, _)| *said).map(|(_, what)| what)
+    settings.into_iter().find(|(is_set, _)| *is_set).map(|(_, name)| name)
 }
 
 #[cfg(test)]
@@ -414,7 +414,7 @@ mod tests {
             (0.2, "group-lasso, the functions of a signal together".into())
         );
         assert_eq!(options("optimizer = \"frols\"\nkappa = 0.1").unwrap().kappa, Some(0.1));
-        // What says which terms there are is not overruled unasked.
+        // An explicit choice of terms is not overruled.
         assert_eq!(default.smooth_states, SmoothStates::Auto);
         assert_eq!(options("terms = 3").unwrap().smooth_states, SmoothStates::Off);
         assert_eq!(options("select = \"bic\"\nsmooth_states = \"auto\"").unwrap().smooth_states, SmoothStates::Off);

@@ -19,7 +19,7 @@ impl SindyReport {
     /// known, and its errors.
     pub(super) fn refine(&mut self, task: &EquationTask, model: &Model) {
         let Some(refinement) = self.summary.refinement.as_ref().filter(|refinement| refinement.written) else { return };
-        // What a region errs by is not told apart.
+        // The errors of single regions are not known.
         let whole = self.regions.len() == 1;
         let places: Vec<Coefficients> = (0..task.fitted.len()).map(|t| Coefficients::new(task, model, t)).collect();
         for (at, region) in self.regions.iter_mut().enumerate() {

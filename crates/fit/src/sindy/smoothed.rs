@@ -10,7 +10,7 @@ use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Recipe, SmoothStates};
 use fleetfoot_task::{EquationTask, Provenance, WeakForm, Windows};
-use search::{Found, Search};
+use search::{Search, SearchResult};
 
 use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, equations, report};
 use crate::{
@@ -36,15 +36,15 @@ const UNASKED: usize = 20_000;
 const FOLDS: usize = 5;
 
 /// Returns true if these equations alternate with smoothed states.
-fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
-    if asked == SmoothStates::Off {
+fn applies(choice: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
+    if choice == SmoothStates::Off {
         return Ok(false);
     }
     let task = &evidence.task;
     let estimated = !evidence.parameters.is_empty();
-    match (asked, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
-        (SmoothStates::On, Some(what)) => Err(Error::conflict(format!(
-            "{entry}, and {what}: remove one of them",
+    match (choice, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
+        (SmoothStates::On, Some(reason)) => Err(Error::conflict(format!(
+            "{entry}, and {reason}: remove one of them",
             entry = SINDY.entry("smooth_states").is("on")
         ))),
         (SmoothStates::On, None) => Ok(true),
@@ -55,13 +55,19 @@ fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<
 
 /// Returns true if states of so many rows may be smoothed, before their noise is known. `regions`: true with a
 /// partition.
-pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
-    let asked = match asked {
+pub(super) fn may_apply(
+    choice: SmoothStates,
+    task: &EquationTask,
+    recipe: &Recipe,
+    regions: bool,
+    rows: usize,
+) -> bool {
+    let requested = match choice {
         SmoothStates::Off => false,
         SmoothStates::On => true,
         SmoothStates::Auto => rows <= UNASKED && WeakForm::new(&recipe.sindy).is_ok_and(|form| form != WeakForm::Off),
     };
-    asked && obstacle(task, recipe, false, regions).is_none()
+    requested && obstacle(task, recipe, false, regions).is_none()
 }
 
 /// Obstacle to state smoothing, in words.
@@ -225,7 +231,7 @@ impl<'a> Alternation<'a> {
     fn held_out(
         &self,
         open: &Model,
-        solution: &Found,
+        solution: &SearchResult,
         view: &dyn Source,
         progress: &dyn Progress,
     ) -> Result<Held, Error> {
@@ -273,7 +279,7 @@ impl<'a> Alternation<'a> {
     fn refitted(
         &self,
         open: &Model,
-        solution: &Found,
+        solution: &SearchResult,
         train: &dyn Source,
         progress: &dyn Progress,
     ) -> Result<Vec<f64>, Error> {

@@ -34,7 +34,7 @@ impl Evidence {
         let known: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect();
         WeakForm::new(&recipe.sindy)?.check_statistic(group.plan.system.weak.as_ref())?;
         let system = group.plan.system.clone();
-        notes.extend(said(&task, group));
+        notes.extend(task_notes(&task, group));
         let frozen = Frozen { task, parameters: Vec::new() };
         let evidence = Self::new(frozen, system, scan, file.step(), &known).smoothed_over(scanned.time.smoothed);
         evidence.check()?;
@@ -66,7 +66,7 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
 }
 
 /// Notes beside the fit.
-fn said(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
+fn task_notes(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
     let mut notes = task.unit_notes();
     notes.extend(task.narrowed_note());
     if let Some(partition) = &group.plan.system.partition {

@@ -17,7 +17,7 @@ fn candidates(task: &EquationTask, equation: usize) -> Vec<String> {
 }
 
 #[test]
-fn without_a_library_it_is_that_of_the_degree_or_two() {
+fn default_library_has_the_given_degree() {
     let task = resolve("[states]\nx = {}\ny = {}\n").unwrap();
     assert_eq!(candidates(&task, 0), ["1", "x", "y", "x^2", "x*y", "y^2"]);
     assert_eq!((task.fitted.len(), task.fitted[1].latent.as_str()), (2, "f_y"));
@@ -29,7 +29,7 @@ fn without_a_library_it_is_that_of_the_degree_or_two() {
 
 /// 30 signals have 496 monomials up to degree 2, 31 have 528.
 #[test]
-fn a_library_that_nobody_named_does_not_grow_with_the_square_of_many_signals() {
+fn default_library_stays_linear_for_many_signals() {
     let resolve = |signals: usize, more: &str| {
         let names: Vec<String> = (0..signals).map(|at| format!("x{at}")).collect();
         let fields: Vec<DataColumn> = names.iter().map(|name| DataColumn::float(name.as_str())).collect();
@@ -42,14 +42,14 @@ fn a_library_that_nobody_named_does_not_grow_with_the_square_of_many_signals() {
     let many = resolve(31, "");
     assert_eq!(many.candidates(), 32);
     assert!(many.narrowed_note().is_some_and(|note| note.contains("--degree 2")));
-    for asked in ["[model]\ndegree = 2\n", "[library]\nfunctions = [\"poly(2)\"]\n"] {
-        let many = resolve(31, asked);
-        assert_eq!((many.candidates(), many.narrowed_note()), (528, None), "{asked}");
+    for explicit in ["[model]\ndegree = 2\n", "[library]\nfunctions = [\"poly(2)\"]\n"] {
+        let many = resolve(31, explicit);
+        assert_eq!((many.candidates(), many.narrowed_note()), (528, None), "{explicit}");
     }
 }
 
 #[test]
-fn equations_have_libraries_of_their_own_over_one_union() {
+fn equations_have_separate_libraries() {
     let task = resolve(
         "[library]\nfunctions = [\"identity\", \"x*y\"]\n[states]\nx = { fixed = [\"y*x\", \"abs(u)\"] }\ny = { library = [\"1\", \"sin(x)\", \"x\"] }\n",
     )

@@ -79,14 +79,14 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
     let scaled: Vec<f64> = coefficients.iter().zip(&assembled.scale).map(|(theta, scale)| theta * scale).collect();
     let strength = Strength::elastic_net(lambda, l1_ratio);
     let support: Vec<usize> = (0..coefficients.len()).filter(|&j| coefficients[j] != 0.0).collect();
-    let how = format!("statistic {}", method.name());
+    let origin = format!("statistic {}", method.name());
     Ok(Solved {
         names: names(&problem),
         certificate: certificate(&assembled.problem, &assembled.penalty, strength, &scaled)?,
         rows: problem.rows(),
         tasks: scores(&problem, &coefficients),
         confounded: named(&problem, &support)?.0,
-        model: model::model(&problem, file, &coefficients, &how, &recipe.to_toml(), options.seed, |_| true),
+        model: model::model(&problem, file, &coefficients, &origin, &recipe.to_toml(), options.seed, |_| true),
         standard_errors: errors,
         coefficients,
         notes,

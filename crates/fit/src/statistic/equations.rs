@@ -54,7 +54,7 @@ pub(super) fn freeze(
         notes.append(&mut narrowed);
     }
     for recipe in EquationStatistic::recipes(recipe)? {
-        // What `fit pwa` cannot read it will say itstatistic.
+        // Errors of a recipe that `fit pwa` cannot read are left to `fit pwa`.
         let Ok((problem, mut system)) = piecewise(&recipe, fields, dataset.step()) else { continue };
         let one = specification(&recipe)?;
         let Ok(PwaOptions { identification: pwa, .. }) = PwaOptions::new(&recipe) else { continue };
@@ -79,8 +79,8 @@ pub(super) fn freeze(
         let mut system = summed.system();
         if let Some(one) = specification(&recipe)? {
             let problem = summed.problem(dataset.step());
-            let how = clustering(summed.options.seed);
-            system.partition = Some(regions(&problem, one, how, &view, &mut Vec::new(), progress)?);
+            let clusters = clustering(summed.options.seed);
+            system.partition = Some(regions(&problem, one, clusters, &view, &mut Vec::new(), progress)?);
         }
         equation_statistic.groups.push(EquationGroup::empty(SystemPlan::new(system, chunk_rows, &view)?));
     }
@@ -140,7 +140,7 @@ pub(super) fn text_of(
         let partition = placeholder(specification(recipe)?.as_ref(), summed.partition_columns());
         systems.push(System { partition, ..summed.system() });
     }
-    // What has no counterpart has no chunks to compare either.
+    // Statistics without a counterpart have no chunks to compare either.
     let chunk_rows = |at: usize| statistic.groups.get(at).map_or(0, |group| group.plan.chunk_rows);
     Ok(once(systems.iter().enumerate().map(|(at, system)| SystemPlan::text_of(system, chunk_rows(at)))))
 }

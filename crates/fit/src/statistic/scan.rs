@@ -269,7 +269,7 @@ impl<'a> Scan<'a> {
             let episodes: Vec<usize> =
                 group.iter().flat_map(|log| &log.pending).map(|(episode, ..)| *episode).collect();
             let subset = Subset::new(view, episodes);
-            // What is complete is kept where the work is stopped here.
+            // A stop keeps the complete files.
             let (scanned, sums) = until_stopped(|| {
                 let scanned = file.plan.scan(&subset, &whole)?;
                 let sums = file.equations.as_ref().map(|equations| equations.sum_rows(&subset, &whole)).transpose()?;

@@ -36,14 +36,14 @@ fn aircraft_of_a_type_have_the_same_structure() {
     let fleet = 3;
     for number in 0..fleet {
         let (airplane, source, scan) = recorded(number, &arguments);
-        let found = selection::select(&airplane, &source, &scan, &arguments).expect("a selection");
-        assert!(found.selection.worst_kkt < 1e-8 && found.selection.unconverged == 0);
-        found.selection.support.iter().for_each(|&j| counts[j] += 1);
-        for &(j, left) in found.missed.iter().filter(|(j, _)| FORCES.contains(j)) {
+        let structure = selection::select(&airplane, &source, &scan, &arguments).expect("a selection");
+        assert!(structure.selection.worst_kkt < 1e-8 && structure.selection.unconverged == 0);
+        structure.selection.support.iter().for_each(|&j| counts[j] += 1);
+        for &(j, left) in structure.missed.iter().filter(|(j, _)| FORCES.contains(j)) {
             assert!(left < 0.05, "aircraft {number} misses column {j}, of which {left} is left");
         }
         // The selected model predicts as well as the true one: what is left of V' is the turbulence.
-        let left = errors::leave_one_out(&source, &scan, &found, arguments.lambda_t, 0).expect("errors");
+        let left = errors::leave_one_out(&source, &scan, &structure, arguments.lambda_t, 0).expect("errors");
         let mut speed: Vec<f64> = left.flights.iter().map(|flight| flight.bolasso[0]).collect();
         let ratio = hidden::median(&mut speed).sqrt() / arguments.turbulence;
         assert!((0.9..1.15).contains(&ratio), "{ratio}");
@@ -56,12 +56,14 @@ fn aircraft_of_a_type_have_the_same_structure() {
 /// Figure 5: without a prior the noise of the mass flow pulls thrust and specific impulse towards zero, and drag below it; the prior of the specific impulse brings all to
 /// the right size, and so does no constraint on drag, which only keeps its sign.
 #[test]
-fn a_prior_of_one_latent_brings_all_to_the_right_size() {
+fn one_prior_scales_all_latents() {
     let arguments = arguments(40);
     let (_, source, scan) = recorded(0, &arguments);
-    let found =
+    let estimates =
         hidden::estimate(&source, &scan, &[0.0, 1000.0], source.episodes().len() / 2, &arguments).expect("latents");
-    let [without, constrained, with, nonlinear] = &found[..] else { panic!("four methods, not {}", found.len()) };
+    let [without, constrained, with, nonlinear] = &estimates[..] else {
+        panic!("four methods, not {}", estimates.len())
+    };
     assert!(without.over_true[0] < 0.75 && without.over_true[3] < 0.75, "{:?}", without.over_true);
     assert!(without.negative_drag * 20 > without.rows, "{} rows", without.negative_drag);
     assert_eq!(constrained.negative_drag, 0, "of {} rows", constrained.rows);
@@ -69,7 +71,7 @@ fn a_prior_of_one_latent_brings_all_to_the_right_size() {
     // The prior is 3 % too high.
     assert!(with.over_true.iter().all(|ratio| (0.97..1.05).contains(ratio)), "{:?}", with.over_true);
     // Lift, which nothing is confounded with, is right whatever the prior.
-    assert!(found.iter().all(|hidden| (hidden.over_true[2] - 1.0).abs() < 0.003));
+    assert!(estimates.iter().all(|hidden| (hidden.over_true[2] - 1.0).abs() < 0.003));
     // The mass flow is on the left side there: its noise biases nothing.
     assert!((nonlinear.over_true[0] - 1.0).abs() < 0.03, "{:?}", nonlinear.over_true);
     // The derivatives hardly tell the methods apart.

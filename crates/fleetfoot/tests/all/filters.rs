@@ -86,23 +86,23 @@ fn order(folder: &Path, filter: &SwitchedFilter) -> Vec<usize> {
     let inputs = header.lines().filter(|line| line.trim().starts_with("ROBOT_FILTER_INPUT_") && line.contains("/*"));
     let name =
         |line: &str| line.split("/* ").nth(1).and_then(|rest| rest.split(" */").next()).unwrap_or_default().to_owned();
-    inputs.map(|line| filter.inputs().iter().position(|own| *own == name(line)).expect("an input")).collect()
+    inputs.map(|line| filter.inputs().iter().position(|input| *input == name(line)).expect("an input")).collect()
 }
 
-/// What the engine says of the row that a track stands at.
-fn said(track: &Track) -> Vec<f64> {
+/// Numbers of the engine at the row of a track.
+fn track_numbers(track: &Track) -> Vec<f64> {
     let estimate = track.estimate();
     let numbers = estimate.mean.iter().chain(&estimate.covariance).chain(track.probabilities());
     numbers.copied().chain([track.log_likelihood()]).collect()
 }
 
 /// The largest difference between code and engine, relative to numbers above one, and how many regions led.
-fn compared(model: &Model, said_of: &FilterSection) -> (f64, usize) {
-    let filter = filter_of(model, said_of).expect("a filter");
+fn compared(model: &Model, section: &FilterSection) -> (f64, usize) {
+    let filter = filter_of(model, section).expect("a filter");
     let folder = tempfile::tempdir().expect("a folder");
     let mut options = ExportOptions::new(Target::C);
     options.prefix = "robot".into();
-    let files = export_filter(model, said_of, &options, folder.path(), &[]).expect("code");
+    let files = export_filter(model, section, &options, folder.path(), &[]).expect("code");
     assert_eq!(files.len(), 2);
     let (inputs, measured) = recording(&filter);
     let order = order(folder.path(), &filter);
@@ -110,17 +110,20 @@ fn compared(model: &Model, said_of: &FilterSection) -> (f64, usize) {
     compiled(folder.path(), &["robot_filter.c", "main.c", "-o", "run", "-lm"]);
     let run = Command::new(folder.path().join("run")).output().expect("a run");
     let printed = String::from_utf8(run.stdout).expect("numbers");
-    let untold = vec![f64::NAN; measured[0].len()];
-    let mut track = filter.start(&measured[0], &untold);
+    let no_deviations = vec![f64::NAN; measured[0].len()];
+    let mut track = filter.start(&measured[0], &no_deviations);
     let (mut worst, mut led) = (0.0f64, std::collections::BTreeSet::new());
     let mut lines = printed.lines();
     for row in 1..ROWS {
-        filter.step(&mut track, &inputs[row - 1], filter.period(), &measured[row], &untold);
-        let own: Vec<f64> =
+        filter.step(&mut track, &inputs[row - 1], filter.period(), &measured[row], &no_deviations);
+        let exported: Vec<f64> =
             lines.next().expect("a line").split_whitespace().map(|text| text.parse().expect("a number")).collect();
-        let engine = said(&track);
-        assert!(own.len() == engine.len() && engine.iter().chain(&own).all(|value| value.is_finite()), "{engine:?}");
-        for (a, b) in own.iter().zip(&engine) {
+        let engine = track_numbers(&track);
+        assert!(
+            exported.len() == engine.len() && engine.iter().chain(&exported).all(|value| value.is_finite()),
+            "{engine:?}"
+        );
+        for (a, b) in exported.iter().zip(&engine) {
             worst = worst.max((a - b).abs() / b.abs().max(1.0));
         }
         let likely =
@@ -129,7 +132,7 @@ fn compared(model: &Model, said_of: &FilterSection) -> (f64, usize) {
     }
     // 32 bits compile as cleanly.
     options.precision = Precision::Float;
-    export_filter(model, said_of, &options, folder.path(), &[]).expect("code");
+    export_filter(model, section, &options, folder.path(), &[]).expect("code");
     compiled(folder.path(), &["-Wconversion", "-c", "robot_filter.c"]);
     (worst, led.len())
 }
@@ -173,7 +176,7 @@ fn piecewise(prediction: Prediction) -> Model {
     let next = prediction == Prediction::Next;
     for (i, subject) in ["x", "v"].into_iter().enumerate() {
         let name = format!("latent_{subject}");
-        let own = |region: usize, j: usize| {
+        let coefficient = |region: usize, j: usize| {
             0.4 * noise(region * 100 + i * 10 + j) + if i == j { if next { 0.7 } else { -1.0 } } else { 0.0 }
         };
         model.latents.push(Latent {
@@ -183,7 +186,7 @@ fn piecewise(prediction: Prediction) -> Model {
             partition: 0,
             map: AffineMap {
                 constants: (0..4).map(|region| 0.3 * noise(5000 + region * 10 + i)).collect(),
-                coefficients: (0..4).map(|region| (0..4).map(|j| own(region, j)).collect()).collect(),
+                coefficients: (0..4).map(|region| (0..4).map(|j| coefficient(region, j)).collect()).collect(),
             }
             .into(),
         });
@@ -255,17 +258,18 @@ fn c_gives_the_estimates_of_the_engine() {
 }
 
 #[test]
-fn what_is_no_code_says_so() {
+fn unexportable_filters_are_refused() {
     let model = piecewise(Prediction::Next);
     let folder = tempfile::tempdir().expect("a folder");
-    let said = |measured: &str| FilterSection { measured: Some(measured.to_owned()), ..FilterSection::default() };
-    let refused = |model: &Model, said: &FilterSection, target| {
-        let error = export_filter(model, said, &ExportOptions::new(target), folder.path(), &[]).expect_err("refused");
+    let section = |measured: &str| FilterSection { measured: Some(measured.to_owned()), ..FilterSection::default() };
+    let refused = |model: &Model, section: &FilterSection, target| {
+        let error =
+            export_filter(model, section, &ExportOptions::new(target), folder.path(), &[]).expect_err("refused");
         error.to_string()
     };
-    assert!(refused(&model, &said("x"), Target::C).contains("no standard deviation"));
-    assert!(refused(&model, &said("x=0.1"), Target::Rust).contains("--to c"));
+    assert!(refused(&model, &section("x"), Target::C).contains("no standard deviation"));
+    assert!(refused(&model, &section("x=0.1"), Target::Rust).contains("--to c"));
     let curved = models::pwa(5, 1);
-    let message = refused(&curved, &said("vx=0.1"), Target::C);
+    let message = refused(&curved, &section("vx=0.1"), Target::C);
     assert!(message.contains("not affine"), "{message}");
 }

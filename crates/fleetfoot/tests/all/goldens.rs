@@ -1,10 +1,10 @@
 //! Goldens: what every method makes of small logs, to the last bit. They hold rebuilding: a coefficient that is another afterwards is named.
 
 mod book;
-mod found;
 mod logs;
 mod narx;
 mod pwa;
+mod record;
 mod recordings;
 mod sindy;
 mod sparse;

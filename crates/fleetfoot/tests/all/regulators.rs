@@ -22,7 +22,7 @@ fn noise(key: usize) -> f64 {
     (z ^ (z >> 31)) as i64 as f64 / i64::MAX as f64
 }
 
-/// What the law is shown at a sample: all over the regions, now and then with a gap.
+/// Measurements at a sample: all over the regions, now and then with a gap.
 fn shown(law: &Regulator, sample: usize) -> Vec<f64> {
     let known: Vec<[f64; 2]> = (law.states.iter().map(|state| [state.at, state.size]))
         .chain(law.measured.iter().map(|column| [column.at, column.size]))
@@ -59,15 +59,17 @@ fn c_gives_the_commands_of_the_engine() {
         return;
     }
     // Five regions, decided by states, an angle and an input; two inputs; with integral action and limits, and without.
-    let asked = |integral: Option<&str>, limits: Option<&str>| ControlSection {
+    let control_section = |integral: Option<&str>, limits: Option<&str>| ControlSection {
         integral: integral.map(str::to_owned),
         limits: limits.map(str::to_owned),
         free: Some("px".to_owned()),
         schedule: Some(ControlSchedule::Region),
         ..ControlSection::default()
     };
-    for said in [asked(None, None), asked(Some("yaw=3,vx=1"), Some("left=-0.4:0.5,right=-0.6:0.6"))] {
-        let made = control_lqr(&models::pwa(5, 1), &said).expect("a law");
+    for section in
+        [control_section(None, None), control_section(Some("yaw=3,vx=1"), Some("left=-0.4:0.5,right=-0.6:0.6"))]
+    {
+        let made = control_lqr(&models::pwa(5, 1), &section).expect("a law");
         let law = &made.law;
         assert!(law.laws.len() > 1, "a law for every region");
         let folder = tempfile::tempdir().expect("a folder");
@@ -98,9 +100,9 @@ fn c_gives_the_commands_of_the_engine() {
         let (mut worst, mut lines) = (0.0f64, 0);
         for (sample, line) in printed.lines().enumerate() {
             state.control(sample as f64 * law.period, &shown(law, sample), &mut inputs);
-            let own: Vec<f64> = line.split_whitespace().map(|text| text.parse().expect("a number")).collect();
-            assert_eq!(own.len(), inputs.len());
-            for (a, b) in own.iter().zip(&inputs) {
+            let commands: Vec<f64> = line.split_whitespace().map(|text| text.parse().expect("a number")).collect();
+            assert_eq!(commands.len(), inputs.len());
+            for (a, b) in commands.iter().zip(&inputs) {
                 worst = worst.max((a - b).abs() / b.abs().max(1.0));
             }
             lines += 1;

@@ -27,7 +27,7 @@ fn derivative(right: &RightSide, state: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn fixed_points_are_where_they_are_known_to_be() {
+fn fixed_points_have_known_places() {
     let at = (8.0_f64 / 3.0 * 27.0).sqrt();
     // Rössler: z = (c - sqrt(c^2 - 4 a b)) / 2a, y = -z, x = a z.
     let z = (5.7 - (5.7_f64 * 5.7 - 4.0 * 0.2 * 0.2).sqrt()) / (2.0 * 0.2);
@@ -137,7 +137,7 @@ fn of(data: usize) -> impl Iterator<Item = &'static Case> {
 }
 
 #[test]
-fn equations_are_found_up_to_a_hundredth_of_noise() {
+fn equations_are_recovered_at_one_percent_noise() {
     for (data, tolerance) in [(0, 1e-13), (1, 3e-3), (2, 3e-3), (3, 5e-3)] {
         for case in of(data) {
             for verdict in [case.fixed, case.chosen, case.ensemble] {
@@ -150,7 +150,7 @@ fn equations_are_found_up_to_a_hundredth_of_noise() {
 
 /// A tenth of noise is too much for plain differences: the threshold alone lets terms in that the ensemble does not.
 #[test]
-fn with_a_tenth_of_noise_the_ensemble_has_fewer_wrong_terms() {
+fn ensemble_has_fewer_wrong_terms() {
     for case in of(4) {
         assert!(
             case.ensemble.wrong() <= case.fixed.wrong(),
@@ -194,9 +194,9 @@ fn neural_fly_is_reproduced() {
     let Some(folder) = crate::outside::data("neural-fly") else { return };
     let (rows, _) = neural_fly::table(&folder).expect("a table");
     for (row, figures) in rows.iter().zip(NEURAL_FLY) {
-        for (found, figure) in row.least_squares.iter().zip(figures) {
+        for (error, figure) in row.least_squares.iter().zip(figures) {
             // The figures are rounded to four digits.
-            assert!((found - figure).abs() < 1e-4, "{} m/s: {found} beside {figure}", row.wind);
+            assert!((error - figure).abs() < 1e-4, "{} m/s: {error} beside {figure}", row.wind);
         }
         assert!(row.stlsq[0] >= row.least_squares[0], "fewer terms fit the training rows no better");
         if let Some((errors, apart)) = row.peer {

@@ -25,7 +25,7 @@ fn loss(shape: &Shape, parameters: &[f64], output: &Output, samples: &Samples) -
 }
 
 #[test]
-fn gradients_are_those_of_central_differences() {
+fn gradients_match_central_differences() {
     let samples = samples(300);
     for (hidden, activation) in [
         (&[4][..], Activation::Tanh),
@@ -36,9 +36,9 @@ fn gradients_are_those_of_central_differences() {
         let shape = shape(hidden, activation);
         let mut parameters = shape.initial(3);
         let mut output = statistic(&shape, &parameters, &samples, &Silent).unwrap().solve(1e-3).unwrap();
-        let found = slope(&shape, &parameters, &output, (&samples, &[0, 1]), &Silent).unwrap();
-        assert_eq!(found.hidden.len(), shape.parameters());
-        let size = found.hidden.iter().fold(0.0_f64, |most, own| most.max(own.abs()));
+        let gradient = slope(&shape, &parameters, &output, (&samples, &[0, 1]), &Silent).unwrap();
+        assert_eq!(gradient.hidden.len(), shape.parameters());
+        let size = gradient.hidden.iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
         for at in 0..parameters.len() {
             let (whole, step) = (parameters[at], 1e-6);
             let mut shifted = |to: f64| {
@@ -48,13 +48,13 @@ fn gradients_are_those_of_central_differences() {
             let difference = (shifted(whole + step) - shifted(whole - step)) / (2.0 * step);
             shifted(whole);
             assert!(
-                (difference - found.hidden[at]).abs() < 1e-6 * size,
+                (difference - gradient.hidden[at]).abs() < 1e-6 * size,
                 "{activation:?} {at}: {difference} {}",
-                found.hidden[at]
+                gradient.hidden[at]
             );
         }
-        for (target, features) in found.weights.chunks(shape.features()).enumerate() {
-            for (feature, own) in features.iter().enumerate() {
+        for (target, features) in gradient.weights.chunks(shape.features()).enumerate() {
+            for (feature, entry) in features.iter().enumerate() {
                 let (place, step) = ((4 + feature, target), 1e-6);
                 let whole = output.0[place];
                 let mut shifted = |to: f64| {
@@ -63,7 +63,7 @@ fn gradients_are_those_of_central_differences() {
                 };
                 let difference = (shifted(whole + step) - shifted(whole - step)) / (2.0 * step);
                 shifted(whole);
-                assert!((difference - own).abs() < 1e-5, "{activation:?} {place:?}: {difference} {own}");
+                assert!((difference - entry).abs() < 1e-5, "{activation:?} {place:?}: {difference} {entry}");
             }
         }
     }

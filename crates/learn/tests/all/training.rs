@@ -26,22 +26,22 @@ fn trained(shape: &Shape, [fitted, held]: &[Samples; 2], how: &Training) -> Trai
 }
 
 #[test]
-fn a_network_of_the_same_kind_is_found_to_rounding() {
+fn network_target_is_learned_to_rounding() {
     // Two units and a linear map, exactly: the target is in reach of the network.
     let exact =
         |_, x: &[f64]| 0.3 * x[0] - x[1] + (0.9 * x[0] + 0.4 * x[1] - 0.3).tanh() - 0.7 * (x[1] - 0.6 * x[0]).tanh();
     let samples = rows(3_000, 2, exact);
-    let how = Training { steps: 400, patience: 60, ..Training::default() };
-    let found = trained(&shape(2, &[4]), &samples, &how);
-    assert!(found.loss < 1e-7 && found.linear > 1e-3, "{found:?}");
+    let options = Training { steps: 400, patience: 60, ..Training::default() };
+    let result = trained(&shape(2, &[4]), &samples, &options);
+    assert!(result.loss < 1e-7 && result.linear > 1e-3, "{result:?}");
 }
 
 #[test]
-fn what_is_linear_stays_linear() {
+fn linear_target_stays_linear() {
     let samples = rows(1_000, 3, |row, x| 2.0 * x[0] - x[2] + 0.3 * uniform(1_000_000 + row as u64));
-    let found = trained(&shape(3, &[8]), &samples, &Training::default());
+    let result = trained(&shape(3, &[8]), &samples, &Training::default());
     // Rows that did not train are predicted as well as by the linear map, not better.
-    assert!((0.97..1.01).contains(&(found.loss / found.linear)), "{found:?}");
+    assert!((0.97..1.01).contains(&(result.loss / result.linear)), "{result:?}");
 }
 
 #[test]
@@ -57,12 +57,12 @@ fn collinear_inputs_are_solved() {
     let (fitted, held): (Vec<usize>, Vec<usize>) = (0..2_000).partition(|row| row % 7 != 0);
     let units = Units::of(&table, &fitted).unwrap();
     let samples = [table.samples(&fitted, &units), table.samples(&held, &units)];
-    let found = trained(&shape(10, &[6]), &samples, &Training::default());
-    assert!(found.loss < 1e-4 && found.linear > 1e-3, "{found:?}");
+    let result = trained(&shape(10, &[6]), &samples, &Training::default());
+    assert!(result.loss < 1e-4 && result.linear > 1e-3, "{result:?}");
 }
 
 #[test]
-fn the_same_seed_is_the_same_network_on_any_number_of_threads() {
+fn seed_decides_network_on_any_threads() {
     let samples = rows(6_000, 2, |_, x| (x[0] * x[1]).sin());
     let how = Training { epochs: 4, steps: 4, batch: 12, ..Training::default() };
     let on = |threads, seed| {
@@ -73,7 +73,7 @@ fn the_same_seed_is_the_same_network_on_any_number_of_threads() {
 }
 
 #[test]
-fn what_cannot_be_trained_is_an_error() {
+fn impossible_training_is_an_error() {
     assert_eq!(Table::new(1, 1, vec![0.0, 1.0, f64::NAN, 2.0]), Err(Error::NotFinite { row: 1, column: 0 }));
     assert!(matches!(Table::new(2, 1, vec![0.0; 4]), Err(Error::Shape(_))));
     let table = Table::new(1, 1, vec![1.0, 0.5, 1.0, 0.7, 1.0, 0.1]).unwrap();
@@ -92,7 +92,7 @@ fn what_cannot_be_trained_is_an_error() {
 }
 
 #[test]
-fn training_stops_when_it_is_told_to() {
+fn cancellation_stops_training() {
     struct Stop;
     impl Progress for Stop {
         fn advance(&self, _: usize, _: usize) {}
@@ -101,7 +101,7 @@ fn training_stops_when_it_is_told_to() {
         }
     }
     let [fitted, held] = rows(100, 1, |_, x| x[0].sin());
-    let own = shape(1, &[3]);
-    assert_eq!(train(&own, &fitted, &held, &Training::default(), &Stop), Err(Error::Cancelled));
-    assert!(statistic(&own, &own.initial(0), &fitted, &Silent).is_ok());
+    let shape = shape(1, &[3]);
+    assert_eq!(train(&shape, &fitted, &held, &Training::default(), &Stop), Err(Error::Cancelled));
+    assert!(statistic(&shape, &shape.initial(0), &fitted, &Silent).is_ok());
 }

@@ -77,7 +77,7 @@ fn a_lag_turns_and_damps_a_sine() {
 }
 
 #[test]
-fn a_delay_shifts_a_ramp_and_knows_its_slope() {
+fn delay_shifts_ramp_and_keeps_slope() {
     let stamps = uneven(3_000, 1e-2, 5);
     let t = seconds(&stamps);
     let data = source(&[(stamps, t.iter().map(|t| 1.0 - 3.0 * t).collect())]);
@@ -167,7 +167,7 @@ fn filters_that_cannot_be_are_refused() {
     }
     let missing = error("1 + lag1(lag1(z, 1), 2)");
     assert!(missing.to_string().contains("there is no column `z`"), "{missing}");
-    // What the source has is not made anew, and keeps what is known of it.
+    // Columns of the source are not made anew, and keep their properties.
     let filtered = Filtered::of(&data, &[parse("lag1(lag1(x, 1), 2)")]).unwrap();
     let again = Filtered::of(&filtered, &[parse("lag1(lag1(x, 1), 2)*lag1(x, 1)")]).unwrap();
     assert_eq!(again.columns(), filtered.columns());
@@ -282,7 +282,7 @@ fn filters_are_substituted_shifted_and_differentiated() {
 }
 
 #[test]
-fn a_scope_says_what_stands_in_a_filter() {
+fn scope_limits_arguments_of_filters() {
     let mut scope = Scope::new(["motor", "tau"]);
     scope.define_all([("m", "motor/65535"), ("lagged", "lag1(m, tau)"), ("twice", "lag1(lagged, tau)")]).unwrap();
     assert_eq!(

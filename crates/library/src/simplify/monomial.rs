@@ -64,7 +64,7 @@ impl Monomial {
             }
         }
         product.powers.retain(|&(_, exponent)| exponent != 0);
-        // What is divided by zero is defined nowhere, and stays as it is written.
+        // A division by zero is defined nowhere, and stays as it is written.
         product.collected = (product.collected || numbers > 1) && product.below != 0.0;
         product
     }

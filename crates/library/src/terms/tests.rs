@@ -59,7 +59,7 @@ fn libraries_have_the_functions_of_their_names() {
 }
 
 #[test]
-fn an_angle_stands_as_its_cosine_and_sine_and_waves_are_of_the_angle() {
+fn angles_enter_as_cosine_and_sine() {
     let yaw = Expr::column("yaw");
     let variables = [yaw.cos(), yaw.sin(), Expr::column("v")];
     let vocabulary = Vocabulary { variables: &variables, scope: &Scope::open() };
@@ -179,7 +179,7 @@ fn size(n: usize, item: &str) -> usize {
 }
 
 #[test]
-fn sizes_are_those_of_the_closed_forms() {
+fn sizes_match_closed_forms() {
     for (n, d) in [(1, 6), (2, 4), (3, 5), (5, 3), (16, 3)] {
         let all = binomial(n + d, d);
         assert_eq!(size(n, &format!("poly({d})")), all);
@@ -219,7 +219,7 @@ fn sizes_beyond_reason_are_refused_with_their_number() {
 }
 
 #[test]
-fn a_parsed_polynomial_costs_one_multiplication_a_function() {
+fn parsed_polynomial_costs_one_multiplication_each() {
     let terms = over(&["x", "y", "z"], &["poly(5, bias=false)"]).unwrap();
     assert_eq!(terms.functions, crate::Library::polynomial(&columns(&["x", "y", "z"]), 5).unwrap().functions());
     let program = crate::Program::compile(&terms.functions, &["x", "y", "z"]).unwrap();
@@ -276,7 +276,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_printed_reads_back_as_the_same_candidates(item in items()) {
+    fn printed_candidates_read_back_equal(item in items()) {
         let terms = over(&["x", "y"], &[&item]).unwrap();
         let texts: Vec<String> = terms.with_constant().iter().map(Expr::to_string).collect();
         let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
@@ -315,7 +315,7 @@ proptest! {
     }
 
     #[test]
-    fn an_item_without_a_library_is_one_expression(text in r"(-?(x|y|2|sin\(x\)|\(x \+ y\)|abs\(-y\))(\^2)?[-+*/]){0,4}x") {
+    fn item_without_library_is_an_expression(text in r"(-?(x|y|2|sin\(x\)|\(x \+ y\)|abs\(-y\))(\^2)?[-+*/]){0,4}x") {
         let scope = Scope::new(["x", "y"]);
         let vocabulary = Vocabulary { variables: &columns(&["x", "y"]), scope: &scope };
         let wanted = Expr::parse(&text, &scope).unwrap().simplified();

@@ -52,7 +52,7 @@ fn names_have_the_sizes_of_the_si() {
 }
 
 #[test]
-fn texts_that_are_no_units_say_what_is_wrong() {
+fn invalid_units_are_refused_with_reason() {
     for (text, part) in [
         ("furlong", "unknown unit `furlong`"),
         ("m/sekunde", "`sekunde`"),
@@ -132,7 +132,7 @@ fn expressions_have_the_units_that_follow() {
 }
 
 #[test]
-fn coefficients_have_the_unit_of_the_target_over_that_of_the_function() {
+fn coefficient_units_are_target_over_function() {
     let column = |name: &str| (name == "v").then(|| unit("m/s"));
     let names = [Expr::column("v")];
     let vocabulary = crate::Vocabulary { variables: &names, scope: &Scope::open() };
@@ -146,7 +146,7 @@ fn coefficients_have_the_unit_of_the_target_over_that_of_the_function() {
 
 proptest! {
     #[test]
-    fn what_is_printed_reads_back_equal(
+    fn printed_text_reads_back_equal(
         parts in prop::collection::vec((prop::sample::select(vec!["m", "kg", "s", "mA", "deg", "N", "rpm", "%"]), -24i32..25), 0..5)
     ) {
         let product = parts.iter().fold(Unit::one(), |product, (name, twelfths)| {

@@ -74,10 +74,10 @@ proptest! {
                 for (i, part) in ["x", "y", "z"].iter().enumerate() {
                     let forth: f64 = (0..3).map(|j| rotation[i][j] * v[j]).sum();
                     let back: f64 = (0..3).map(|j| rotation[j][i] * v[j]).sum();
-                    let forth_found = value(&format!("rotate({q}, {vector}).{part}"));
-                    let back_found = value(&format!("rotate_inv({q}, {vector}).{part}"));
-                    prop_assert!((forth_found - forth).abs() < 1e-12, "{}: {} not {}", vector, forth_found, forth);
-                    prop_assert!((back_found - back).abs() < 1e-12, "{}: {} not {}", vector, back_found, back);
+                    let forth_value = value(&format!("rotate({q}, {vector}).{part}"));
+                    let back_value = value(&format!("rotate_inv({q}, {vector}).{part}"));
+                    prop_assert!((forth_value - forth).abs() < 1e-12, "{}: {} not {}", vector, forth_value, forth);
+                    prop_assert!((back_value - back).abs() < 1e-12, "{}: {} not {}", vector, back_value, back);
                 }
             }
             let there_and_back = value(&format!("rotate_inv({q}, rotate({q}, v)).y"));
@@ -163,7 +163,7 @@ proptest! {
 }
 
 #[test]
-fn a_quarter_turn_of_pitch_keeps_its_digits() {
+fn quarter_turn_of_pitch_keeps_digits() {
     // The inverse sine would lose half of them here.
     for away in [0.0, 1e-9, 1e-6] {
         let q = half_turn(1, PI / 2.0 - away);

@@ -80,7 +80,7 @@ pub(crate) fn naive(expr: &Expr, column: &dyn Fn(&str, i32) -> f64, time: &dyn F
                 Binary::Pow => a.powf(b),
                 Binary::Atan2 => a.atan2(b),
                 Binary::Min | Binary::Max if a.is_nan() || b.is_nan() => f64::NAN,
-                // Which zero of two is left open by the standard's minimum.
+                // The standard's minimum leaves the sign of zero open.
                 Binary::Min | Binary::Max => function.apply(a, b),
             }
         }

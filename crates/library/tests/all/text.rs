@@ -48,7 +48,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
     #[test]
-    fn what_is_printed_reads_back_equal(expr in expressions(&NAMES)) {
+    fn printed_text_reads_back_equal(expr in expressions(&NAMES)) {
         let text = expr.to_string();
         let back = Expr::parse(&text, &Scope::open());
         prop_assert_eq!(back.as_ref(), Ok(&expr), "{}", text);
@@ -95,7 +95,7 @@ fn operators_bind_as_in_mathematics() {
 }
 
 #[test]
-fn topic_fields_take_what_touches_them() {
+fn topic_fields_take_adjacent_characters() {
     for (text, wanted) in [
         ("/a.x - /b.y", -4.0),
         ("/a.x*/b.y", 77.0),

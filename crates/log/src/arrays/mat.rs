@@ -55,7 +55,7 @@ pub(super) fn refused(path: &Path) -> Error {
 
 /// Content of a file: variables that are arrays of numbers, and those left out.
 #[derive(Default)]
-struct Found {
+struct Content {
     arrays: Vec<Array>,
     others: Vec<String>,
     damaged: Vec<String>,
@@ -68,7 +68,7 @@ struct Found {
 pub(super) fn table(path: &Path, map: Arc<Map>) -> Result<ArrayTable, Error> {
     let big = map.get(126..HEADER) == Some(b"MI");
     let mut left = FREE_GROWTH.max((map.len() as u64).saturating_mul(MAX_RATIO));
-    let mut content = Found::default();
+    let mut content = Content::default();
     let mut elements = Elements { bytes: &map, at: HEADER, limit: map.len(), big };
     let mut cut = None;
     while elements.at < map.len() {
@@ -102,7 +102,7 @@ pub(super) fn table(path: &Path, map: Arc<Map>) -> Result<ArrayTable, Error> {
     content.table(path, cut)
 }
 
-impl Found {
+impl Content {
     fn table(self, path: &Path, cut: Option<usize>) -> Result<ArrayTable, Error> {
         let Self { arrays, others, damaged } = self;
         let vector = |array: &Array| {

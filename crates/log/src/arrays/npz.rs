@@ -176,7 +176,7 @@ fn unpacked(map: &Arc<Map>, entry: &Entry) -> Option<(Arc<Map>, Range<usize>)> {
 pub(super) fn inflated(mut input: impl Read, limit: u64) -> Option<(Map, u32)> {
     let mut file = tempfile::tempfile().ok()?;
     let (mut buffer, mut sum, mut total) = (vec![0; 1 << 18], crc32fast::Hasher::new(), 0_u64);
-    // What stands before a damaged place is kept: whoever asks looks at the length.
+    // Bytes before a damaged place are kept: callers check the length.
     while let Ok(count @ 1..) = input.read(&mut buffer) {
         let part = buffer.get(..count)?;
         sum.update(part);

@@ -74,7 +74,7 @@ fn every_number_of_arrays() {
 }
 
 #[test]
-fn clocks_kinds_and_what_is_left_out() {
+fn clocks_kinds_and_omissions() {
     let info = inspect_values(fixture("stored.npz"), &Silent).unwrap();
     assert_eq!((info.format, info.rows), (Format::Npz, Some(40)));
     assert_eq!(info.clock.as_ref().map(|clock| clock.column.as_str()), Some("t"));

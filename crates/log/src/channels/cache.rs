@@ -65,7 +65,7 @@ pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Sl
         hasher.update(hash.finalize().as_bytes());
     }
     let join = &selection.join;
-    let asked = (
+    let key = (
         &selection.time,
         &selection.columns,
         &join.stamp,
@@ -75,7 +75,7 @@ pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Sl
         &join.renames,
         &join.clocks,
     );
-    hasher.update(format!("{asked:?}").as_bytes());
+    hasher.update(format!("{key:?}").as_bytes());
     let name = format!("{}.parquet", &hasher.finalize().to_hex()[..32]);
     Ok(Some(Slot { path: folder.join(name) }))
 }

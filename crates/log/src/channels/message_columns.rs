@@ -148,7 +148,7 @@ impl Messages {
             part.header_stamp.push(row.stamps.iter().copied().find(|&stamp| stamp != MISSING).unwrap_or(MISSING));
             for (slot, values) in part.values.iter_mut().enumerate() {
                 if row.is_text[slot] {
-                    // Where texts begin, what came before was none.
+                    // The rows before the first text have none.
                     part.text[slot].resize(values.len(), false);
                     part.text[slot].push(true);
                 } else if !part.text[slot].is_empty() {

@@ -70,7 +70,7 @@ pub(super) struct PlannedColumn {
 }
 
 /// A column while its topic is being collected.
-struct Asked {
+struct ColumnPath {
     topic: usize,
     path: FieldPath,
 }
@@ -83,15 +83,15 @@ pub(super) fn plan(
     progress: &dyn Progress,
 ) -> Result<Plan, Error> {
     let names = Names::new(container.topics().iter().map(|topic| topic.name.as_str()), &selection.join.renames);
-    let mut asked = Vec::new();
+    let mut paths = Vec::new();
     for column in &selection.columns {
-        asked.push(ask(path, &names, column)?);
+        paths.push(ask(path, &names, column)?);
     }
-    let base = base_topic(path, &names, selection, &asked)?;
-    if asked.is_empty() && base.is_none() {
+    let base = base_topic(path, &names, selection, &paths)?;
+    if paths.is_empty() && base.is_none() {
         return Err(Error::NothingAsked { path: path.into() });
     }
-    let mut used: Vec<usize> = asked.iter().map(|asked| asked.topic).chain(base.as_ref().map(|base| base.0)).collect();
+    let mut used: Vec<usize> = paths.iter().map(|path| path.topic).chain(base.as_ref().map(|base| base.0)).collect();
     used.sort_unstable();
     used.dedup();
     for &topic in &used {
@@ -100,10 +100,10 @@ pub(super) fn plan(
     let samples = sample(container, &used, progress)?;
     let mut builder = Builder { path, container, names, used, samples, fields: Vec::new() };
     builder.fields = builder.used.iter().map(|_| Vec::new()).collect();
-    builder.plan(selection, &asked, base)
+    builder.plan(selection, &paths, base)
 }
 
-fn ask(path: &Path, names: &Names, column: &str) -> Result<Asked, Error> {
+fn ask(path: &Path, names: &Names, column: &str) -> Result<ColumnPath, Error> {
     let Some((topic, rest)) = names.locate(column) else {
         return Err(Error::MissingTopic {
             path: path.into(),
@@ -112,7 +112,7 @@ fn ask(path: &Path, names: &Names, column: &str) -> Result<Asked, Error> {
         });
     };
     match inside(rest).parse() {
-        Ok(path) => Ok(Asked { topic, path }),
+        Ok(path) => Ok(ColumnPath { topic, path }),
         Err(problem) => Err(Error::BadField { path: path.into(), column: column.into(), problem: problem.to_string() }),
     }
 }
@@ -126,14 +126,14 @@ pub(crate) fn corrections(path: &Path, topic: &str, clocks: &[TopicClock]) -> Ve
 /// The topic and the rest of the name of the base, when the rows come from a topic.
 type BaseTopic = Option<(usize, String)>;
 
-fn base_topic(path: &Path, names: &Names, selection: &Selection, asked: &[Asked]) -> Result<BaseTopic, Error> {
+fn base_topic(path: &Path, names: &Names, selection: &Selection, paths: &[ColumnPath]) -> Result<BaseTopic, Error> {
     match &selection.join.base {
         Some(Base::Rate(_)) => Ok(None),
         Some(Base::Channel(name)) => match names.locate(name) {
             Some((topic, rest)) => Ok(Some((topic, inside(rest).to_owned()))),
             None => Err(Error::MissingTopic { path: path.into(), column: name.clone(), nearest: names.nearest(name) }),
         },
-        None => Ok(asked.first().map(|first| (first.topic, first.path.to_string()))),
+        None => Ok(paths.first().map(|first| (first.topic, first.path.to_string()))),
     }
 }
 
@@ -149,11 +149,11 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn plan(mut self, selection: &Selection, asked: &[Asked], base: BaseTopic) -> Result<Plan, Error> {
+    fn plan(mut self, selection: &Selection, paths: &[ColumnPath], base: BaseTopic) -> Result<Plan, Error> {
         let seen: Vec<Vec<FieldInfo>> = self.samples.iter().map(|sample| sample.tree.fields()).collect();
         let mut slots = Vec::new();
-        for (asked, name) in asked.iter().zip(&selection.columns) {
-            slots.push(self.place(asked, name, &seen, selection));
+        for (column, name) in paths.iter().zip(&selection.columns) {
+            slots.push(self.place(column, name, &seen, selection));
         }
         if let Some((topic, _)) = &base {
             self.base_needs_a_field(*topic, &seen)?;
@@ -209,9 +209,9 @@ impl Builder<'_> {
     }
 
     /// Puts a column's field, and for a quaternion all four, among the fields of its topic.
-    fn place(&mut self, asked: &Asked, name: &str, seen: &[Vec<FieldInfo>], selection: &Selection) -> Slot {
-        let used = self.used.iter().position(|&topic| topic == asked.topic).unwrap_or_default();
-        let info = like(&seen[used], &asked.path);
+    fn place(&mut self, column: &ColumnPath, name: &str, seen: &[Vec<FieldInfo>], selection: &Selection) -> Slot {
+        let used = self.used.iter().position(|&topic| topic == column.topic).unwrap_or_default();
+        let info = like(&seen[used], &column.path);
         let rule = selection.join.columns.get(name).copied().unwrap_or_default();
         let float = info.is_none_or(|info| info.kind == FieldKind::Float);
         let kind = match (info, rule.kind) {
@@ -222,8 +222,8 @@ impl Builder<'_> {
             (_, None) if float => JoinKind::Linear,
             (_, None) => JoinKind::Hold,
         };
-        let slot = self.field(used, &asked.path);
-        let quaternion = (kind == JoinKind::Slerp).then(|| components(&asked.path)).flatten();
+        let slot = self.field(used, &column.path);
+        let quaternion = (kind == JoinKind::Slerp).then(|| components(&column.path)).flatten();
         Slot {
             used,
             slot,
@@ -231,7 +231,7 @@ impl Builder<'_> {
             gap: rule.max_gap,
             quaternion: quaternion.map(|(paths, component)| (paths.map(|path| self.field(used, &path)), component)),
             field: info.map_or(FieldKind::Float, |info| info.kind),
-            unit: self.samples[used].codec.as_ref().ok().and_then(|codec| codec.unit(&asked.path)),
+            unit: self.samples[used].codec.as_ref().ok().and_then(|codec| codec.unit(&column.path)),
         }
     }
 
@@ -317,8 +317,8 @@ impl Builder<'_> {
             );
             return Err(refuse(self, 0, problem));
         };
-        let how = if unit.is_some() { "" } else { ", as it advances with the log's clock" };
-        notes.push(format!("stamps are the field `{field}` of every channel, in {}{how}", taken.symbol()));
+        let reason = if unit.is_some() { "" } else { ", as it advances with the log's clock" };
+        notes.push(format!("stamps are the field `{field}` of every channel, in {}{reason}", taken.symbol()));
         Ok(Some(FieldClock { slots, unit: taken }))
     }
 

@@ -96,7 +96,7 @@ impl Map {
         if bytes.start < bytes.end && bytes.end <= self.bytes.len() {
             // SAFETY: the advice throws away what was written into private or anonymous pages. This mapping is of a file, shared, and cannot
             // be written through, so that its bytes are the same when they are read again, by whichever thread.
-            // Where the advice is not taken, memory is reclaimed later: nothing depends on it.
+            // If the advice is not taken, memory is reclaimed later: nothing depends on it.
             let _ = unsafe { self.bytes.unchecked_advise_range(DontNeed, bytes.start, bytes.len()) };
         }
     }
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_compressed_file_is_unpacked_as_far_as_it_goes() {
+    fn damaged_compressed_file_is_partly_unpacked() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap.zst");
         // Two frames, so that the cut leaves a whole one.

@@ -237,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spans_tell_the_rates_and_gaps_of_their_messages() {
+    fn spans_report_rates_and_gaps() {
         // 100 Hz in pieces of 50 messages, 3 s lost between two of them and 2 s inside another.
         let mut stamps: Vec<i64> = (0..1000).map(|i| i * 10_000_000).collect();
         stamps[400..].iter_mut().for_each(|stamp| *stamp += 3_000_000_000);

@@ -128,7 +128,7 @@ mod tests {
     use crate::csv::input::tests::Slow;
 
     #[test]
-    fn one_tab_a_gap_wherever_the_reads_end() {
+    fn tabs_separate_across_reads() {
         let text = "  t   x [m / s]\t\tname \n0.0  1.5   \"a b\"\n\n  0.1\t 2 c  \r\n1 2 3   ";
         let expected = "  t\t  x [m / s]\t name \n0.0\t 1.5\t  \"a b\"\n\n  0.1\t 2\tc  \r\n1\t2\t3   ";
         for piece in 1..12 {

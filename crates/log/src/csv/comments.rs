@@ -246,7 +246,7 @@ mod tests {
             assert_eq!(String::from_utf8_lossy(&output), String::from_utf8_lossy(&expected), "{piece} bytes at a time");
             assert_eq!((left_out.behind_header(), left_out.ends()), ((5, at(" # a") as u64), true));
         }
-        // Where `;` delimits, it begins no comment.
+        // `;` begins no comment if it is the delimiter.
         assert_eq!(Comments::new(Delimiter::Byte(b';'), false).without(b"a;b\n;1\n"), b"a;b\n;1\n");
     }
 

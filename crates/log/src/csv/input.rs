@@ -190,7 +190,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn zeros_at_the_end_are_left_out_and_others_are_not() {
+    fn only_trailing_zeros_are_dropped() {
         for (bytes, expected) in [
             (&b"a,b\n1,2\n\0\0\0\0"[..], &b"a,b\n1,2\n"[..]),
             (b"\0\0a\0\0b\0", b"\0\0a\0\0b"),

@@ -23,7 +23,7 @@ const RATES: Range<f64> = 1e-6..1e6;
 /// Rows of a grid for each sample at most: stamps that lie about a century are no reason to fill a disk.
 const GRID_ROWS_PER_SAMPLE: usize = 10_000;
 
-/// Whose stamps the rows of the joined table have.
+/// Source of the stamps of the joined rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Base {
     /// Those of a series, all its runs one after the other.

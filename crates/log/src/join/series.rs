@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_late_by_at_most_the_window_are_put_in_place() {
+    fn late_samples_within_window_are_sorted() {
         let sorted = series(&[100, 150, 120, 110, 160, 210, 200, 300]);
         assert_eq!(stamps(&sorted), [[100, 110, 120, 150, 160, 200, 210, 300]]);
         assert_eq!(values(&sorted), [0.0, 3.0, 2.0, 1.0, 4.0, 6.0, 5.0, 7.0]);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_without_a_stamp_of_their_own_are_counted() {
+    fn samples_without_stamp_are_counted() {
         let filled = series(&[10, 0, 20, 20, i64::MIN, 15, 10, i64::MAX, 0, 30]);
         assert_eq!(stamps(&filled), [[10, 15, 20, 30]]);
         assert_eq!(values(&filled), [0.0, 5.0, 2.0, 9.0]);
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn one_or_two_samples_out_of_their_time_are_strays() {
+    fn misplaced_samples_are_strays() {
         let behind = series(&[1000, 1100, 1200, 300, 1300, 1400, 310, 320, 1500]);
         assert_eq!(stamps(&behind), [[1000, 1100, 1200, 1300, 1400, 1500]]);
         assert_eq!(behind.counts.stray, 3);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_stays_back_begins_a_run() {
+    fn lasting_backward_jump_begins_a_run() {
         let twice = series(&[100, 200, 300, 400, 100, 200, 300, 400, 500]);
         assert_eq!(stamps(&twice), [vec![100, 200, 300, 400], vec![100, 200, 300, 400, 500]]);
         let expected = Run { rows: 4..9, start: 100, end: 500, log_start: 4, log_end: 8 };
@@ -274,7 +274,7 @@ mod tests {
         }
 
         #[test]
-        fn samples_that_come_together_are_those_that_come_one_by_one(
+        fn batched_samples_equal_single_samples(
             steps in prop::collection::vec(
                 prop_oneof![30 => 1..40i64, 1 => -60..1i64, 1 => -2000..0i64, 1 => 1000..100_000i64], 0..400),
             pieces in prop::collection::vec(1..60usize, 1..20),
@@ -302,7 +302,7 @@ mod tests {
         }
 
         #[test]
-        fn nothing_is_lost_whatever_the_stamps(
+        fn no_sample_is_lost(
             stamps in prop::collection::vec(prop_oneof![8 => -500..500i64, 1 => any::<i64>(), 1 => Just(i64::MIN)], 0..300),
             window in prop_oneof![0..100i64, any::<i64>()],
         ) {

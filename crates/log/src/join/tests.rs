@@ -277,7 +277,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
-    fn joined_rows_are_as_defined_for_any_threads_blocks_and_memory(case in case()) {
+    fn joined_rows_match_their_definition(case in case()) {
         let whole = table(&case, usize::MAX, 1 << 16, 1);
         match expected(&case) {
             None => prop_assert!(matches!(whole, Err(Error::NoOverlap { .. })), "{:?}", whole.map(|table| table.2)),
@@ -323,7 +323,7 @@ fn joined(series: &[Series], columns: &[JoinColumn], base: Base) -> Result<Table
 }
 
 #[test]
-fn a_restarted_simulation_is_joined_with_its_own_run() {
+fn restarted_simulation_joins_its_run() {
     // Both clocks run from 10 to 500 twice; the second time the values are others.
     let runs = |step: usize| -> Vec<i64> { (10..=500).step_by(step).collect() };
     let base = ramps("/odom", &[(runs(10), 0), (runs(10), 10_000)], |stamp| stamp as f64);
@@ -411,7 +411,7 @@ fn error_of_the_receiver_ends_the_join() {
 }
 
 #[test]
-fn a_value_latched_before_the_first_row_holds_from_there() {
+fn latched_value_holds_from_first_row() {
     let base = ramp("/odom", 1000..1010, 0, |stamp| stamp as f64);
     let transform = ramp("/tf_static", std::iter::once(3), 0, |_| 7.0);
     let series = [base, transform];
@@ -439,7 +439,7 @@ fn a_gap_of_just_the_limit_is_bridged() {
 }
 
 #[test]
-fn of_runs_recorded_equally_long_beside_a_run_the_first_counts() {
+fn first_of_equally_long_runs_counts() {
     // The base is recorded from 100 to 299 at a stretch, but its clock is set back once at the end: it has two runs.
     let base = ramps("/odom", &[((100..300).collect(), 0), ((10..20).collect(), 1000)], |stamp| stamp as f64);
     let other = ramps("/imu", &[((150..200).collect(), 0), ((100..150).collect(), 100)], |stamp| stamp as f64);

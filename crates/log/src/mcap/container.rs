@@ -87,36 +87,36 @@ impl Container for McapContainer {
         Some(some.filter_map(|(channel, _)| self.topic_of.get(channel).copied()).collect())
     }
 
-    fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some(piece_ref) = self.piece(piece) else { return Ok(()) };
+    fn read_piece(&self, index: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
+        let Some(piece) = self.piece(index) else { return Ok(()) };
         // It need not be decompressed.
-        if self.wanted_messages(piece, wanted) == Some(0) {
+        if self.wanted_messages(index, wanted) == Some(0) {
             return Ok(());
         }
         let mut damage = Damage::default();
         let mut reader = Reader { route: Route::new(&self.topic_of, wanted), seen: 0, late: 0, unknown: 0 };
-        let start = piece_ref.bytes.start;
-        match chunk::with_records(&self.file.map, piece_ref, |records| reader.read(records, each)) {
+        let start = piece.bytes.start;
+        match chunk::with_records(&self.file.map, piece, |records| reader.read(records, each)) {
             Ok(torn) => {
                 if let Some((rest, why)) = torn? {
-                    let messages = piece_ref.messages().map(|all| all.saturating_sub(reader.seen));
+                    let messages = piece.messages().map(|all| all.saturating_sub(reader.seen));
                     let why = format!("inside a chunk: {why}");
                     damage.add(start, &why, Lost { bytes: rest, chunk: false, messages });
                 }
             }
             Err(why) => {
                 let lost = Lost {
-                    bytes: piece_ref.bytes.len(),
-                    chunk: piece_ref.kind == PieceKind::Chunk,
-                    messages: piece_ref.messages(),
+                    bytes: piece.bytes.len(),
+                    chunk: piece.kind == PieceKind::Chunk,
+                    messages: piece.messages(),
                 };
                 damage.add(start, &why, lost);
             }
         }
-        self.file.map.release(piece_ref.bytes.clone());
+        self.file.map.release(piece.bytes.clone());
         reader.tell(start, &mut damage);
         if !damage.is_empty() {
-            self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
+            self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(index, damage);
         }
         Ok(())
     }

@@ -254,7 +254,7 @@ fn a_folder_of_rosbag2_is_one_recording() {
 }
 
 #[test]
-fn topics_that_contradict_themselves_are_refused_only_when_used() {
+fn contradictory_topics_are_refused_on_use() {
     let mut writer = Writer::with_options(Cursor::new(Vec::new()), options()).unwrap();
     let one = writer.add_schema("a/One", "ros2msg", b"float64 x").unwrap();
     let two = writer.add_schema("a/Two", "ros2msg", b"float64 y").unwrap();

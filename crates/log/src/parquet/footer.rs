@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn schemas_that_lie_or_nest_without_end_are_refused() {
+    fn malformed_schemas_are_refused() {
         // One element with 1000 children (zigzag varint 2000) in a list of one.
         let lying = [0x29, 0x1c, 0x55, 0xd0, 0x0f, 0x00, 0x00];
         assert_eq!(check(&lying), Err("its schema claims more columns than it lists"));

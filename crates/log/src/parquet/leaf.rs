@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn durations_are_in_seconds_whatever_unit_the_file_names() {
+    fn durations_are_converted_to_seconds() {
         let schema = parse_message_type("message schema { optional int64 d; optional int64 n; }").unwrap();
         let field = |duration| ArrowField { unit: Some("us".into()), duration };
         let fields = BTreeMap::from([(vec!["d".into()], field(Some(1_000))), (vec!["n".into()], field(None))]);

@@ -135,15 +135,15 @@ impl Container for BagContainer {
         Some(counts.filter(|(connection, _)| is_wanted(connection)).map(|(_, count)| count).sum())
     }
 
-    fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some(piece_ref) = self.piece(piece) else { return Ok(()) };
-        if self.wanted_messages(piece, wanted) == Some(0) {
+    fn read_piece(&self, index: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
+        let Some(piece) = self.piece(index) else { return Ok(()) };
+        if self.wanted_messages(index, wanted) == Some(0) {
             return Ok(());
         }
         let mut damage = Damage::default();
         let (mut seen, mut unknown, mut untimed) = (0, 0, 0);
-        let start = piece_ref.bytes.start;
-        let read = piece_ref.with_records(&self.map, |records| {
+        let start = piece.bytes.start;
+        let read = piece.with_records(&self.map, |records| {
             let torn = for_each_record(records, |record| -> Result<(), Error> {
                 if record.op != op::MESSAGE {
                     return Ok(());
@@ -160,7 +160,7 @@ impl Container for BagContainer {
             })?;
             Ok::<_, Error>(torn.map(|at| records.len() - at))
         });
-        let all: Option<u64> = piece_ref.counts.as_ref().map(|counts| counts.values().sum());
+        let all: Option<u64> = piece.counts.as_ref().map(|counts| counts.values().sum());
         match read {
             Ok(torn) => {
                 if let Some(bytes) = torn? {
@@ -172,16 +172,16 @@ impl Container for BagContainer {
                     );
                 }
             }
-            Err(why) => damage.add(start, &why, Lost { bytes: piece_ref.bytes.len(), chunk: true, messages: all }),
+            Err(why) => damage.add(start, &why, Lost { bytes: piece.bytes.len(), chunk: true, messages: all }),
         }
         for (count, what) in [(unknown, "messages of undefined connections"), (untimed, "messages without a time")] {
             if count > 0 {
                 damage.add(start, &format!("{count} {what}"), Lost { messages: Some(count), ..Lost::default() });
             }
         }
-        self.map.release(piece_ref.bytes.clone());
+        self.map.release(piece.bytes.clone());
         if !damage.is_empty() {
-            self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
+            self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(index, damage);
         }
         Ok(())
     }

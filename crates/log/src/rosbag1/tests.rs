@@ -43,7 +43,7 @@ fn indexes_count_the_messages_that_reading_finds() {
 }
 
 #[test]
-fn a_bag_that_was_not_closed_is_read_to_its_end() {
+fn unclosed_bag_is_read_to_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.bag");
     let bytes = fs::read(fixture("none.bag")).unwrap();
@@ -67,7 +67,7 @@ fn a_bag_that_was_not_closed_is_read_to_its_end() {
 }
 
 #[test]
-fn indexes_that_the_end_contradicts_are_not_believed() {
+fn contradicted_indexes_are_ignored() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.bag");
     let mut bytes = fs::read(fixture("lz4.bag")).unwrap();

@@ -332,12 +332,12 @@ impl Container for DatabaseContainer {
         Some(wanted.iter().filter_map(|topic| spans.get(topic)).map(|span| span.count).sum())
     }
 
-    fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some(piece_ref) = self.pieces.get(piece).filter(|_| self.wanted_messages(piece, wanted) != Some(0)) else {
+    fn read_piece(&self, index: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
+        let Some(piece) = self.pieces.get(index).filter(|_| self.wanted_messages(index, wanted) != Some(0)) else {
             return Ok(());
         };
         let mut damage = Damage::default();
-        for &page in &self.leaves[piece_ref.leaves.clone()] {
+        for &page in &self.leaves[piece.leaves.clone()] {
             // Damaged rows were counted when the file was opened.
             for row in self.messages.table.rows(&self.database, page).flatten() {
                 let Some((topic, received, sent)) = self.head(&row) else { continue };
@@ -361,9 +361,9 @@ impl Container for DatabaseContainer {
                 }
             }
         }
-        self.database.release_around(&self.leaves[piece_ref.leaves.clone()]);
+        self.database.release_around(&self.leaves[piece.leaves.clone()]);
         if !damage.is_empty() {
-            self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
+            self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(index, damage);
         }
         Ok(())
     }

@@ -44,8 +44,8 @@ impl Table {
             _ => None,
         };
         schema.leaves(database).pages.iter().flat_map(|&page| schema.rows(database, page)).flatten().find_map(|row| {
-            let is_it = text(&row, 0)? == "table" && text(&row, 1)?.eq_ignore_ascii_case(name);
-            let root = is_it.then(|| row.integers([3]))??[0];
+            let is_wanted = text(&row, 0)? == "table" && text(&row, 1)?.eq_ignore_ascii_case(name);
+            let root = is_wanted.then(|| row.integers([3]))??[0];
             let (columns, id) = columns(&text(&row, 4)?)?;
             Some(Self { root: u32::try_from(root).ok()?, columns, id })
         })
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_those_that_the_text_declares() {
+    fn columns_match_the_declaration() {
         let (names, id) = columns(
             "CREATE TABLE messages(id INTEGER PRIMARY KEY,topic_id INTEGER NOT NULL,\"timestamp\" INTEGER NOT NULL, data BLOB NOT NULL, \
              FOREIGN KEY(topic_id) REFERENCES topics(id))",

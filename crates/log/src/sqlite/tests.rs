@@ -26,7 +26,7 @@ fn rows(path: &Path) -> Vec<(i64, i64, usize)> {
 }
 
 #[test]
-fn rows_come_in_their_order_with_the_bytes_of_overflow_pages() {
+fn rows_keep_order_and_overflow_bytes() {
     let rows = rows(&fixture("plain.db3"));
     assert_eq!(rows.len(), 72);
     assert!(rows.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 <= pair[1].1));
@@ -35,7 +35,7 @@ fn rows_come_in_their_order_with_the_bytes_of_overflow_pages() {
 }
 
 #[test]
-fn committed_pages_of_the_write_ahead_log_count_and_others_do_not() {
+fn only_committed_wal_pages_count() {
     let rows = rows(&fixture("ahead.db3"));
     assert_eq!(rows.len(), 144);
     assert!(rows.iter().all(|row| row.1 > 7));
@@ -56,7 +56,7 @@ fn committed_pages_of_the_write_ahead_log_count_and_others_do_not() {
 }
 
 #[test]
-fn columns_that_a_row_does_not_have_are_null() {
+fn missing_columns_of_a_row_are_null() {
     let database = Database::open(&fixture("plain.db3"), Compression::None).unwrap();
     let table = Table::of(&database, "TOPICS").unwrap();
     let row = table.rows(&database, table.leaves(&database).pages[0]).next().unwrap().unwrap();

@@ -17,7 +17,7 @@ const RISING: [f64; 4] = [1.0, 2.5, 4.0, 5.5];
 const FALLING: [f64; 4] = [3.0, 1.0, 2.0, 0.0];
 
 #[test]
-fn a_recording_that_needs_no_clock_takes_one_by_its_name_or_for_the_order_of_rows() {
+fn optional_clock_follows_name_or_order() {
     let rising = ("level", Float, &RISING[..]);
     let named = ("t", Float, &RISING[..]);
     let other = ("x", Float, &FALLING[..]);
@@ -71,7 +71,7 @@ fn dates_need_no_unit_and_go_before_numbers() {
 }
 
 #[test]
-fn columns_that_do_not_rise_or_are_ambiguous_are_no_clock() {
+fn ambiguous_columns_are_no_clock() {
     // A temperature, by its capital letter or by its values.
     assert_eq!(column(&[("T", Float, &[20.0, 21.5, 21.0, 22.0])]), None);
     assert_eq!(column(&[("T", Float, &[20.0, 23.0, 24.0, 24.2]), ("u", Float, &FALLING)]), None, "uneven");
@@ -150,7 +150,7 @@ fn size_and_step_leave_units() {
 }
 
 #[test]
-fn an_open_unit_is_an_error_that_shows_both_readings() {
+fn ambiguous_unit_error_shows_both_readings() {
     let settle = |sample: &[f64], selection: &Selection, agreed: &Agreed| {
         chosen(&[("t", Integer, sample)], &selection.time).unwrap().settle(Path::new("a.csv"), agreed, selection)
     };
@@ -168,7 +168,7 @@ fn an_open_unit_is_an_error_that_shows_both_readings() {
     assert!(clock.assumed.unwrap().contains("taken as ms: no other unit fits"));
     let empty = settle(&[f64::NAN; 3], &auto, &Agreed::default()).unwrap_err().to_string();
     assert!(empty.contains("could be s or ms or us or ns: name the unit"), "{empty}");
-    // Where only the order of the rows counts, the unit does not.
+    // If only the order of the rows counts, the unit does not.
     let ordered = Selection { time: TimeSpec::Dispensable { ordered: true }, ..Selection::default() };
     assert!(settle(&every(1.0), &ordered, &Agreed::default()).unwrap().assumed.unwrap().contains("order"));
     // Seconds with decimals need no words.

@@ -31,14 +31,14 @@ struct Described {
 
 /// A format and an instance that messages were subscribed for.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct TopicFormat {
     name: String,
     format: String,
     /// Why its messages cannot be read, if so.
     described: Result<Arc<Described>, String>,
 }
 
-impl Found {
+impl TopicFormat {
     /// As the rest of the crate knows it, with so many messages.
     pub(super) fn topic(&self, count: u64) -> Topic {
         Topic {
@@ -99,7 +99,7 @@ pub(super) struct Definitions {
     described: BTreeMap<String, Result<Arc<Described>, String>>,
     /// Bytes of definitions that may still be copied.
     budget: usize,
-    topics: Vec<Found>,
+    topics: Vec<TopicFormat>,
     index_by_name: BTreeMap<(String, u8), usize>,
     channels: Vec<Channel>,
     /// The channels that each number has stood for, in the order of the file.
@@ -129,7 +129,7 @@ impl Default for Definitions {
 
 impl Definitions {
     /// The subscriptions.
-    pub(super) fn topics(&self) -> &[Found] {
+    pub(super) fn topics(&self) -> &[TopicFormat] {
         &self.topics
     }
 
@@ -182,7 +182,7 @@ impl Definitions {
         let (format, instance) = key.clone();
         let topic = *self.index_by_name.entry(key).or_insert_with(|| {
             let name = if instance == 0 { format!("/{format}") } else { format!("/{format}.{instance}") };
-            self.topics.push(Found { name, format, described: described() });
+            self.topics.push(TopicFormat { name, format, described: described() });
             self.topics.len() - 1
         });
         let Some(subscription) = self.by_id.get_mut(id) else { return };

@@ -166,7 +166,7 @@ fn file_information_is_read() {
 }
 
 #[test]
-fn a_value_without_a_type_among_the_definitions_loses_no_message() {
+fn untyped_definition_loses_no_message() {
     let scrap = Scrap::new();
     let row = |time: u64| [&time.to_le_bytes()[..], &1_f32.to_le_bytes()].concat();
     for (key, lost) in [("sys_name", false), ("float ", false), ("float \u{7}x", true)] {
@@ -268,8 +268,8 @@ fn every_truncation_is_read_up_to_the_cut() {
         container.metadata();
         let at_a_message = ends(&log.bytes).contains(&length);
         assert_eq!(container.damage().is_empty(), at_a_message, "cut at {length}: {}", container.damage());
-        if let (false, Some(said)) = (at_a_message, container.damage().to_string().split_once("at byte")) {
-            assert!(said.1.contains("the file ends inside"), "cut at {length}: {said:?}");
+        if let (false, Some(parts)) = (at_a_message, container.damage().to_string().split_once("at byte")) {
+            assert!(parts.1.contains("the file ends inside"), "cut at {length}: {parts:?}");
         }
     }
     assert!(total(&whole) > 60);
@@ -285,7 +285,7 @@ fn ends(bytes: &[u8]) -> Vec<usize> {
 }
 
 #[test]
-fn every_changed_byte_leaves_what_stands_before_it() {
+fn changed_byte_keeps_earlier_messages() {
     let (scrap, log) = (Scrap::new(), flight(20));
     let all = total(&until(&log.bytes, usize::MAX));
     let (mut refused, mut rescued, mut opened) = (0, 0, 0);

@@ -15,7 +15,7 @@ const SCHEMA: (&str, &str) = ("structschema", "/.schema/struct:");
 
 /// A name that values come under.
 #[derive(Debug)]
-struct Found {
+struct DeclaredTopic {
     name: String,
     kind: String,
     /// A type of a later entry of that name, if it is another one.
@@ -33,7 +33,7 @@ struct Started {
 /// All entries.
 #[derive(Debug, Default)]
 pub(super) struct Entries {
-    topics: Vec<Found>,
+    topics: Vec<DeclaredTopic>,
     by_name: HashMap<String, usize>,
     /// The entries that each number has stood for, in the order of the file.
     by_id: HashMap<u32, Vec<Started>>,
@@ -141,7 +141,7 @@ impl Entries {
             return topic;
         }
         self.by_name.insert(name.clone(), self.topics.len());
-        self.topics.push(Found { name, kind: kind.to_owned(), other: None });
+        self.topics.push(DeclaredTopic { name, kind: kind.to_owned(), other: None });
         self.topics.len() - 1
     }
 
@@ -154,7 +154,7 @@ impl Entries {
             .collect()
     }
 
-    fn topic(&self, declared: &Found, count: u64, budget: &mut usize) -> Topic {
+    fn topic(&self, declared: &DeclaredTopic, count: u64, budget: &mut usize) -> Topic {
         let (kind, name) = (declared.kind.clone(), declared.name.clone());
         let topic = |message_encoding: &str, schema, problem| Topic {
             name: name.clone(),

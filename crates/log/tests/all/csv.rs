@@ -136,7 +136,7 @@ fn missing_values_categories_and_truth_values() {
 }
 
 #[test]
-fn stamps_that_are_missing_repeated_or_go_backward() {
+fn missing_repeated_and_backward_stamps() {
     let folder = Folder::new();
     let path = folder.file("a.csv", "t,x\n0,0\n0.1,1\n0.1,2\n,3\n0.2,4\n0.3,5\n0.1,6\n0.2,7\n9,8\n");
     let recording = open_one(&path, &["x"]).unwrap();
@@ -334,7 +334,7 @@ fn file_without_stamps_keeps_its_row_notes() {
 }
 
 #[test]
-fn lines_that_begin_like_comments_are_counted_and_missing_values_are_rows() {
+fn comment_like_lines_are_counted() {
     let folder = Folder::new();
     let opened = |text: &str| {
         let recording = open_one(&folder.file("a.csv", text), &["x"]).unwrap();
@@ -366,7 +366,7 @@ fn lines_that_begin_like_comments_are_counted_and_missing_values_are_rows() {
 }
 
 #[test]
-fn rows_that_all_begin_with_a_semicolon_are_rows() {
+fn rows_with_leading_semicolon_are_rows() {
     let folder = Folder::new();
     let recording = open_one(&folder.file("a.csv", ";t;x\n;0.0;1\n;0.01;2\n;0.02;3\n"), &["x"]).unwrap();
     assert_eq!(read(&recording).1[0], [1.0, 2.0, 3.0]);
@@ -374,7 +374,7 @@ fn rows_that_all_begin_with_a_semicolon_are_rows() {
 }
 
 #[test]
-fn a_clock_without_stamps_in_its_first_rows_is_no_guess() {
+fn clock_with_empty_first_rows_needs_unit() {
     let folder = Folder::new();
     let rows = |name: &str, last: [&str; 3]| {
         let empty: String = (0..1100).map(|row| format!(",{row}\n")).collect();
@@ -399,7 +399,7 @@ fn a_clock_without_stamps_in_its_first_rows_is_no_guess() {
 }
 
 #[test]
-fn dates_with_a_time_zone_in_their_header_are_the_clock() {
+fn dates_with_zoned_header_are_the_clock() {
     let folder = Folder::new();
     let rows: String = (0..41)
         .map(|row| format!("2021-05-04 09:00:{:02},{},{}\n", (row + 1) / 2, f64::from(row) * 0.5, row * 7 % 5))
@@ -416,7 +416,7 @@ fn dates_with_a_time_zone_in_their_header_are_the_clock() {
 }
 
 #[test]
-fn files_of_a_call_read_dates_in_one_order() {
+fn files_share_one_date_order() {
     let folder = Folder::new();
     let file = |name: &str, dates: [&str; 3]| {
         let rows: String = dates.iter().enumerate().map(|(row, date)| format!("{date},{row}\n")).collect();
@@ -480,7 +480,7 @@ fn a_rate_makes_the_rows_of_a_table_anew() {
 }
 
 #[test]
-fn words_for_what_is_missing() {
+fn words_for_missing_values() {
     let folder = Folder::new();
     let text = "t,x\n0.0,1\n0.1,<NA>\n0.2,-1.#IND\n0.3,--.--\n0.4,#DIV/0!\n0.5,1.#QNAN\n0.6,-\n0.7,2\n";
     let recording = open_one(&folder.file("a.csv", text), &["x"]).unwrap();
@@ -553,7 +553,7 @@ fn dates_of_spreadsheets_and_times_of_the_day_are_clocks() {
 }
 
 #[test]
-fn what_is_written_reads_back() {
+fn written_table_reads_back() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["out.csv", "out.tsv"] {
         let path = folder.path().join(name);

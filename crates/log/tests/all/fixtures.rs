@@ -72,7 +72,7 @@ fn every_numeric_type_with_nulls() {
 }
 
 #[test]
-fn lists_of_one_length_are_columns_and_other_types_are_refused() {
+fn equal_length_lists_are_columns() {
     let recording = open(&[fixture("types")], &Selection::new(["list[0]", "list[1]"])).unwrap();
     assert_eq!(columns(&recording), [vec![1.0; ROWS], vec![2.0; ROWS]]);
     let uneven = PathBuf::from(env!("CARGO_MANIFEST_DIR"))

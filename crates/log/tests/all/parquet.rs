@@ -41,7 +41,7 @@ fn write(path: &Path, stamps: &[i64], group: usize) {
 }
 
 #[test]
-fn dates_in_text_are_read_by_their_form_or_not_at_all() {
+fn text_dates_are_read_by_form() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("dates.parquet");
     let open_dates = |date: &dyn Fn(usize) -> String| {
@@ -116,7 +116,7 @@ fn check(
 }
 
 #[test]
-fn any_range_with_any_halo_equals_what_was_written() {
+fn ranges_with_halo_equal_written_rows() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.parquet");
     let stamps: Vec<i64> = (0..10_000).map(|row| 1_700_000_000_000_000_000 + row * 1_000_003).collect();
@@ -171,7 +171,7 @@ fn many_threads_read_the_same() {
 }
 
 #[test]
-fn episodes_end_at_gaps_and_backward_stamps_and_repeats_are_dropped() {
+fn episodes_end_at_gaps_and_backward_stamps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.parquet");
     let mut stamps: Vec<i64> = (0..3_000).map(|row| row * 1_000_000).collect();
@@ -244,7 +244,7 @@ fn clocks_of_all_kinds() {
 }
 
 #[test]
-fn inspection_tells_columns_clock_and_ranges() {
+fn inspection_reports_columns_clock_and_ranges() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.parquet");
     let mut stamps: Vec<i64> = (0..2_000).map(|row| row * 1_000_000).collect();

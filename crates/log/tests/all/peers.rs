@@ -142,7 +142,7 @@ fn unreadable_topics_are_refused_and_the_rest_is_read() {
 }
 
 #[test]
-fn a_recording_in_several_files_is_read_in_the_order_of_its_metadata() {
+fn metadata_orders_files_of_a_recording() {
     let Some(python) = python() else { return };
     let folder = write_logs(&python);
     for bag in ["split_bag", "compressed_bag"] {

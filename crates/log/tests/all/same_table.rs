@@ -369,10 +369,10 @@ fn check(table: &OneTable, path: &Path) -> Result<(), TestCaseError> {
         for (c, (value_read, expected)) in values(&recording, step, halo).iter().zip(&expected).enumerate() {
             let name = &recording.columns()[c].name;
             for (row, (&value_read, &expected)) in value_read.iter().zip(expected).enumerate() {
-                let found_value = f64::from_bits(value_read);
+                let decoded = f64::from_bits(value_read);
                 prop_assert!(
                     value_read == bits(expected),
-                    "{}, column {name}, row {row} in steps of {step}: {found_value} for {expected}",
+                    "{}, column {name}, row {row} in steps of {step}: {decoded} for {expected}",
                     path.display()
                 );
             }

@@ -179,7 +179,7 @@ fn combinations() -> Vec<(Clock, f64, f64, bool)> {
 }
 
 #[test]
-fn stamps_of_any_unit_rate_start_name_and_type_are_read_right_or_refused() {
+fn stamps_are_read_right_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let names = ["t", "time", "timestamp", "header.stamp", "Elapsed"];
     let (mut counts, mut unread, mut met) = ([0usize; 3], Vec::new(), BTreeSet::new());
@@ -215,7 +215,7 @@ fn stamps_of_any_unit_rate_start_name_and_type_are_read_right_or_refused() {
 }
 
 #[test]
-fn stamps_with_a_unit_in_their_name_are_always_read_right() {
+fn stamps_with_named_unit_are_read_right() {
     let folder = tempfile::tempdir().unwrap();
     for (at, (clock, rate, start, _)) in combinations().iter().enumerate() {
         let symbol = clock.unit.symbol();
@@ -251,7 +251,7 @@ fn files_of_a_call_agree_on_the_unit() {
         "{:?}",
         recording.notes()
     );
-    // What is told of files before they are opened together is the same.
+    // Separately opened files have the same notes.
     for values in [false, true] {
         let infos = inspect_together(&[&slow, &fast], values, &Silent).unwrap();
         for info in &infos {
@@ -323,7 +323,7 @@ fn a_date_and_a_time_are_one_clock() {
 }
 
 #[test]
-fn columns_that_do_not_rise_are_no_clock() {
+fn non_increasing_columns_are_no_clock() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, header: &str, row: &dyn Fn(f64) -> String| {
         let path = folder.path().join(name);
@@ -448,7 +448,7 @@ fn counters_that_wrap_are_counted_on() {
 }
 
 #[test]
-fn weeks_of_gps_and_the_time_of_the_week_are_one_clock() {
+fn gps_weeks_and_seconds_are_one_clock() {
     let folder = tempfile::tempdir().unwrap();
     // Over the end of a week, 2024-03-02 to 03, at 20 Hz.
     let epoch = 315_964_800_000i64;
@@ -479,7 +479,7 @@ fn weeks_of_gps_and_the_time_of_the_week_are_one_clock() {
 }
 
 #[test]
-fn clocks_of_people_are_read_as_they_are_written() {
+fn civil_times_are_read_as_written() {
     let folder = tempfile::tempdir().unwrap();
     // From 11:59:30 at night (or noon), a row every two seconds.
     let seconds = |start: i64| (0..30).map(|row| (start + 2 * row) * 1_000_000_000).collect::<Vec<_>>();

@@ -86,7 +86,7 @@ fn lossy(with_dropouts: bool) -> Ulog {
                 log.data(id, &[&time.to_le_bytes(), &(time as f32).to_le_bytes()]);
             }
         }
-        // What is slow loses nothing.
+        // Slow reading loses nothing.
         if k % 20 == 10 {
             log.data(2, &[&(10_000 * k).to_le_bytes(), &(k as f32).to_le_bytes()]);
         }

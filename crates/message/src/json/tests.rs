@@ -67,7 +67,7 @@ fn fields_are_keyed_and_stamped() {
 }
 
 #[test]
-fn the_schema_says_which_numbers_are_real() {
+fn schema_decides_real_numbers() {
     let schema = br##"{"type": "object", "properties": {
         "x": {"type": "number"}, "n": {"type": "integer"}, "q": {"$ref": "#/$defs/Q"},
         "list": {"type": "array", "items": {"anyOf": [{"type": "number"}, {"type": "null"}]}}},
@@ -90,7 +90,7 @@ fn the_schema_says_which_numbers_are_real() {
 }
 
 #[test]
-fn numbers_that_json_does_not_have_are_missing() {
+fn non_json_numbers_are_missing() {
     let message = r#"{"a": NaN, "b": [-Infinity, Infinity, 2], "t": "NaN \" Infinity"}"#;
     let row = extract(&*plain(), message, &["a", "b[0]", "b[2]", "t"]);
     assert!(row.values[0].is_nan() && row.values[1].is_nan());
@@ -131,7 +131,7 @@ proptest! {
         let wanted = plain().compile(&paths(&["v[a]", "o.p[k].x", "t", "v[1]"])).unwrap();
         let mut row = Row::new(&*wanted);
         let read = plain().value(&message);
-        // What is read over is checked like what is read.
+        // Skipped values are checked like values that are read.
         if read.is_ok() {
             prop_assert!(wanted.extract(&message, &mut row).is_ok());
         }

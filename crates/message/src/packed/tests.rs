@@ -41,7 +41,7 @@ fn letters_of_dataflash_with_their_factors_and_units() {
 }
 
 #[test]
-fn arrays_and_texts_of_wpilog_are_as_long_as_the_message() {
+fn wpilog_arrays_fill_the_message() {
     let codec = made("wpilog", "double[]", "");
     let message: Vec<u8> = [1.5, -2.0].iter().flat_map(|value: &f64| value.to_le_bytes()).collect();
     assert_eq!(read(&*codec, &message, &["value[1]"]).0, [-2.0]);

@@ -55,8 +55,8 @@ impl Decoder<'_> {
             let mut reader = Reader::new(self.message, part);
             let mut next = 0;
             while let Some((number, wire)) = reader.tag()? {
-                let place_found = plan.place(number, next).filter(|&place| accepts(&plan.fields[place], wire));
-                let Some(place) = place_found else {
+                let known_place = plan.place(number, next).filter(|&place| accepts(&plan.fields[place], wire));
+                let Some(place) = known_place else {
                     reader.skip(number, wire)?;
                     continue;
                 };

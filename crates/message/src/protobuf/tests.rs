@@ -124,7 +124,7 @@ fn extract(bytes: &[u8], wanted: &[&str]) -> Row {
 }
 
 #[test]
-fn wire_bytes_are_read_as_the_encoding_says() {
+fn wire_bytes_follow_the_encoding() {
     let inner = codec_of("t.Inner");
     // From the encoding guide: field 2 as the varint 150; unknown fields 9 (text), 10 (group) and 11 (fixed) are skipped.
     let bytes = [0x10, 0x96, 0x01, 0x4a, 2, b'o', b'k', 0x53, 0x08, 0x01, 0x54, 0x5d, 1, 2, 3, 4];
@@ -228,7 +228,7 @@ fn fields_are_keyed_and_stamped() {
 }
 
 #[test]
-fn the_last_member_of_a_oneof_counts_even_if_it_is_not_wanted() {
+fn last_member_of_oneof_counts() {
     let mut bytes = vec![0xb9, 1];
     bytes.extend(2.5f64.to_le_bytes());
     assert_eq!(extract(&bytes, &["left"]).values, [2.5]);
@@ -347,7 +347,7 @@ fn plain(value: &Dynamic) -> Value {
 
 proptest! {
     #[test]
-    fn what_another_encoder_wrote_is_read(state in state()) {
+    fn messages_of_another_encoder_are_read(state in state()) {
         let (message, Value::Array(expected)) = state else { unreachable!() };
         let bytes = message.encode_to_vec();
         let value = codec_of("t.State").value(&bytes).unwrap();

@@ -102,12 +102,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(cases()))]
 
     #[test]
-    fn random_messages_are_decoded_as_they_were_written(seed: u64, (wire, big) in wires()) {
+    fn random_messages_read_back_equal(seed: u64, (wire, big) in wires()) {
         decoded_as_written(seed, wire, big)?;
     }
 
     #[test]
-    fn a_message_cut_short_is_an_error_or_has_the_same_values(seed: u64, (wire, big) in wires()) {
+    fn truncated_message_is_error_or_equal(seed: u64, (wire, big) in wires()) {
         let (schema, _, paths, bytes) = example(seed, wire, big);
         let codec = RosCodec::new(schema, wire == Wire::Ros1);
         let extract = codec.compile(&paths).unwrap();
@@ -136,7 +136,7 @@ proptest! {
             bytes[place] ^= bits;
             let value = codec.value(&bytes);
             let extracted = extract.extract(&bytes, &mut row);
-            // What is sound as a whole is sound in its parts.
+            // Every part of a sound message is sound.
             if value.is_ok() {
                 prop_assert!(extracted.is_ok(), "{:?}", extracted);
             }

@@ -214,13 +214,13 @@ mod tests {
         let codec = ulog("note", text);
         let mut message = vec![54];
         message.extend(3_u64.to_le_bytes());
-        for said in ["", "armed"] {
-            let bytes = [&message[..], said.as_bytes()].concat();
-            assert_eq!(codec.value(&bytes).unwrap().field("message"), Some(&Value::Text(said.to_owned())));
+        for note in ["", "armed"] {
+            let bytes = [&message[..], note.as_bytes()].concat();
+            assert_eq!(codec.value(&bytes).unwrap().field("message"), Some(&Value::Text(note.to_owned())));
             let extract = codec.compile(&["message".parse().unwrap()]).unwrap();
             let mut row = Row::new(&*extract);
             extract.extract(&bytes, &mut row).unwrap();
-            assert_eq!(row.texts.names(), [said]);
+            assert_eq!(row.texts.names(), [note]);
         }
     }
 

@@ -89,19 +89,19 @@ pub(super) fn resolve(schema: &Schema, fields: &[FieldPath]) -> Result<Wanted, S
     let resolved: Vec<Resolved> = fields.iter().map(|field| path(schema, field)).collect::<Result<_, _>>()?;
     let mut wanted = Wanted { root: Want::default(), groups: Vec::new(), slots: fields.len(), registers: 0 };
     let mut groups: HashMap<&[Move], usize> = HashMap::new();
-    for (slot, (resolved_field, field)) in resolved.iter().zip(fields).enumerate() {
-        let key = resolved_field.moves.get(..resolved_field.key.0).unwrap_or_default();
+    for (slot, (path, field)) in resolved.iter().zip(fields).enumerate() {
+        let key = path.moves.get(..path.key.0).unwrap_or_default();
         let count = wanted.groups.len();
         let group = *groups.entry(key).or_insert(count);
         if group == count {
-            let steps = field.steps.get(..resolved_field.key.1).unwrap_or_default().to_vec();
+            let steps = field.steps.get(..path.key.1).unwrap_or_default().to_vec();
             let key = (!steps.is_empty()).then_some(FieldPath { steps });
             wanted.groups.push(Group { key, slots: Vec::new() });
         }
         if let Some(group) = wanted.groups.get_mut(group) {
             group.slots.push(slot);
         }
-        wanted.add(schema, resolved_field, |want| want.slots.push(slot), Some(group));
+        wanted.add(schema, path, |want| want.slots.push(slot), Some(group));
     }
     for (key, &group) in &groups {
         let Some((seconds, nanoseconds)) = stamp(schema, key) else { continue };

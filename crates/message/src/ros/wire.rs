@@ -182,7 +182,7 @@ pub(super) fn wide<const BIG: bool>(bytes: &[u8], unit: usize) -> String {
             digits.rev().fold(0, |value, byte| value << 8 | byte)
         }
     });
-    // What needs no pair of units may stand as it is in four bytes.
+    // Characters that need no pair of units may stand as they are in four bytes.
     let units = units.flat_map(|value| {
         let mut pair = [0; 2];
         let whole = char::from_u32(value).filter(|_| value > 0xffff).map(|c| c.encode_utf16(&mut pair).len());

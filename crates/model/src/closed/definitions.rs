@@ -49,7 +49,7 @@ impl Definitions {
         known
     }
 
-    /// Who stands for an expression that several columns have: the lowest.
+    /// Rank among the columns of one expression: the lowest stands for it.
     fn rank(&self, column: usize) -> (u8, usize) {
         let role = match self.columns[column].role {
             _ if self.simulated[column] => 0,

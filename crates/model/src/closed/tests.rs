@@ -94,7 +94,7 @@ fn functions_of_states_and_inputs_are_written_out() {
 }
 
 #[test]
-fn fields_that_no_column_stands_for_are_added() {
+fn unlisted_fields_are_added() {
     let texts = ["s x = x", "i v = /v", "a slip = x - wheel*`v`", "a gust = wind + gravity"];
     let model = model(&texts, &[("x", "f")], &["slip", "gust"], &[]);
     let closed = model.closed(0.1, &[]).unwrap();
@@ -135,7 +135,7 @@ fn expressions_that_need_future_values_are_refused() {
 }
 
 #[test]
-fn filters_of_what_is_computed_are_states_and_lags() {
+fn filters_of_computed_columns_become_states() {
     let texts = [
         "s v = /v",
         "i u = /u",

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn several_regions_have_scores_and_joined_ones_their_cells() {
+    fn texts_describe_scores_and_cells() {
         let cells = Rule::voronoi(vec![vec![0.0, 0.0], vec![2.0, 0.0], vec![0.0, 1.0]]);
         let places = of(cells.clone(), 2);
         assert_eq!(places[1], ["centre v = 3 m/s, u = -1", "where 4*v - 10 is the largest of all regions"]);

@@ -123,15 +123,15 @@ fn by_stride(out: &mut String, model: &Model, phases: &Phases, names: &[String])
 fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transitions, &[String]), all: bool) {
     let passes = |from: u32, to: u32| counted.counts[from as usize][to as usize] > 0;
     let neighbours = |&[a, b]: &[u32; 2]| passes(a, b) || passes(b, a);
-    let asked: Vec<_> = partition.pairs.iter().filter(|pair| all || neighbours(&pair.regions)).collect();
-    if asked.is_empty() {
+    let pairs: Vec<_> = partition.pairs.iter().filter(|pair| all || neighbours(&pair.regions)).collect();
+    if pairs.is_empty() {
         return;
     }
-    let adjusted = holm(&asked.iter().map(|pair| pair.p).collect::<Vec<f64>>());
-    let mut order: Vec<usize> = (0..asked.len()).collect();
-    // Where nothing can be told, nothing tells them apart.
+    let adjusted = holm(&pairs.iter().map(|pair| pair.p).collect::<Vec<f64>>());
+    let mut order: Vec<usize> = (0..pairs.len()).collect();
+    // Pairs without a test come first.
     let least = |at: usize| if adjusted[at].is_nan() { 2.0 } else { adjusted[at] };
-    order.sort_by(|&a, &b| least(b).total_cmp(&least(a)).then(asked[b].p.total_cmp(&asked[a].p)).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| least(b).total_cmp(&least(a)).then(pairs[b].p.total_cmp(&pairs[a].p)).then(a.cmp(&b)));
     let which = if all { "pairs of regions" } else { "neighbours" };
     let _ = writeln!(
         out,
@@ -141,7 +141,7 @@ fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transition
     let _ = writeln!(out, "  {:>width$}  {:>width$}     2 ln ratio  freedom          p  p (Holm)", "region", "region");
     let shown = if all { order.len() } else { PAIRS.min(order.len()) };
     for &at in &order[..shown] {
-        let (pair, adjusted) = (asked[at], adjusted[at]);
+        let (pair, adjusted) = (pairs[at], adjusted[at]);
         let [a, b] = pair.regions.map(|region| &names[region as usize]);
         let verdict = match adjusted {
             value if value.is_nan() => "  too few rows",

@@ -22,7 +22,7 @@ fn network(map: &BasisMap) -> &Network {
 }
 
 #[test]
-fn a_value_is_that_of_the_formula() {
+fn value_matches_formula() {
     let formulas: [fn(f64) -> f64; 3] = [f64::tanh, |z| z.max(0.0), |z| z.exp().ln_1p()];
     for (activation, formula) in Activation::ALL.into_iter().zip(formulas) {
         let model = models::network(activation);
@@ -89,7 +89,7 @@ fn a_file_has_hidden_layers_once_and_reads_back() {
 }
 
 #[test]
-fn what_does_not_fit_together_is_refused() {
+fn inconsistent_models_are_refused() {
     let model = models::network(Activation::Tanh);
     let refused = |change: &dyn Fn(&mut Network), words: &str| {
         let mut model = model.clone();
@@ -111,7 +111,7 @@ fn what_does_not_fit_together_is_refused() {
 }
 
 #[test]
-fn text_has_the_sum_of_units_as_one_term() {
+fn text_shows_units_as_one_term() {
     let text = describe(&models::network(Activation::Tanh), 1);
     assert!(text.contains("1*network_f_x") && !text.contains("unit1"), "{text}");
     assert!(text.contains("3 units, the last of the hidden layers 5-3 (tanh)"), "{text}");

@@ -29,7 +29,7 @@ fn map() -> BasisMap {
 const AT: [f64; 3] = [0.2, -0.7, 0.9];
 
 #[test]
-fn a_value_is_that_of_the_formula() {
+fn value_matches_formula() {
     let map = map();
     let [x, y, z] = AT;
     let phi = |c: f64, d: f64| (-(((z - c) / 2.0).powi(2) + ((x - d) / 0.5).powi(2)) / (2.0 * 0.8 * 0.8)).exp();
@@ -124,7 +124,7 @@ fn candidates_become_a_table_of_centres() {
 }
 
 #[test]
-fn an_input_that_no_term_has_is_added_to_the_library() {
+fn unused_input_is_added_to_the_library() {
     let functions = functions();
     let mut model = written_out(&functions, 0.9);
     // Without x and its coefficient.
@@ -149,7 +149,7 @@ fn an_input_that_no_term_has_is_added_to_the_library() {
 }
 
 #[test]
-fn centres_are_those_of_a_partition_and_as_wide_as_they_are_apart() {
+fn centres_match_partition_and_set_widths() {
     let scope = Scope::new(["x", "z"]);
     let partition = Partition {
         columns: ["x", "z"].map(|text| Expr::parse(text, &scope).unwrap()).to_vec(),
@@ -175,7 +175,7 @@ fn gaussian(map: &mut BasisMap) -> &mut Gaussian {
 }
 
 #[test]
-fn what_does_not_fit_together_is_refused() {
+fn inconsistent_models_are_refused() {
     let mut model = models::radial();
     let json = |model: &Model| Model::from_json(&model.to_json(), "m.json").map(|_| ()).map_err(|e| e.to_string());
     json(&model).unwrap();

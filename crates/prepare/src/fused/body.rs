@@ -91,7 +91,7 @@ impl Poses {
 pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<String> {
     let mut doubts = Vec::new();
     let states = || fused.tracks.iter().flat_map(|track| &track.states);
-    // What a bias is at least.
+    // Lower bounds of biases.
     let bias = |of: fn(&BodyState) -> [f64; 3], deviation: usize| {
         let least = |state: &BodyState| {
             let axes = of(state).into_iter().zip(&state.deviations[deviation..]);
@@ -168,7 +168,7 @@ pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: 
     let (constants, noise, stated) = (&fused.constants, &fused.noise, &fused.noise_deviations);
     let known = |deviation: f64| deviation.is_finite().then_some(deviation);
     let fitted = sensors.options.fit_noise;
-    // What readings tell of themselves has a deviation; what is a bound has none.
+    // Estimates from readings have a deviation; bounds have none.
     let reading = |of: fn(f64, f64) -> f64| {
         let axis = |which: usize, axis: usize| {
             let deviation = known(stated.imu.scatter[which][axis]).filter(|_| fitted)?;

@@ -1,7 +1,7 @@
 //! The joints of a recipe: their sensors in the form for fusion, and the report of the fusion.
 
 use fleetfoot_data::{Progress, did_you_mean, nearest};
-use fleetfoot_dataset::{Dataset, Error, Logs, found_clocks::Clocks};
+use fleetfoot_dataset::{Dataset, Error, Logs, estimated_clocks::Clocks};
 use fleetfoot_recipe::{JointSection, Kind, Recipe, SensorKind, SensorSection, Tunable};
 use fleetfoot_signal::{
     fuse::Prior,

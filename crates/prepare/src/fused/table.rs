@@ -42,7 +42,7 @@ const STATES: [(&str, &str); 25] = [
     ("accelerometer_bias_z", "m/s^2"),
 ];
 
-/// Whose standard deviations are written, in the order in which a state has them; those of the attitude are about the axes of the body.
+/// States with written standard deviations, in the order of the state; those of the attitude are about the axes of the body.
 const DEVIATIONS: [&str; 15] = [
     "attitude_x",
     "attitude_y",

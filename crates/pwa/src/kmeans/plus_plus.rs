@@ -32,7 +32,7 @@ struct Closest {
 }
 
 /// Result of a round in a chunk.
-struct Found {
+struct RoundResult {
     /// Sum of the squared distances to the nearest centroids.
     total: f64,
     /// By how much each candidate would lessen it.
@@ -112,8 +112,14 @@ fn pass(values: &[f64], mut target: f64) -> (usize, f64) {
 }
 
 /// The sums of the chunks when candidate `best` is a centroid.
-fn left(points: &Points, chunks: &[Mutex<Closest>], rounds: &[Found], best: usize, renew: &Round<'_>) -> Vec<f64> {
-    let one = |(chunk, round): (usize, &Found)| {
+fn left(
+    points: &Points,
+    chunks: &[Mutex<Closest>],
+    rounds: &[RoundResult],
+    best: usize,
+    renew: &Round<'_>,
+) -> Vec<f64> {
+    let one = |(chunk, round): (usize, &RoundResult)| {
         let rest = round.total - round.gains[best];
         // A difference that lost its digits could be positive where nothing is left.
         if rest > 1e-6 * round.total { rest } else { renew.chunk(points.chunk(chunk), &mut lock(&chunks[chunk])).total }
@@ -165,7 +171,7 @@ impl<'a> Round<'a> {
         points: &Points,
         chunks: &[Mutex<Closest>],
         progress: &dyn Progress,
-    ) -> Result<Vec<Found>, Cancelled> {
+    ) -> Result<Vec<RoundResult>, Cancelled> {
         parallel_map(chunks.len(), &Silent, |chunk| {
             if progress.cancelled() {
                 return Err(Cancelled);
@@ -174,7 +180,7 @@ impl<'a> Round<'a> {
         })
     }
 
-    fn chunk(&self, rows: ChunkRows<'_>, closest: &mut Closest) -> Found {
+    fn chunk(&self, rows: ChunkRows<'_>, closest: &mut Closest) -> RoundResult {
         fleetfoot_data::arch().dispatch(Visit { round: self, rows, closest })
     }
 }
@@ -187,10 +193,10 @@ struct Visit<'a> {
 }
 
 impl WithSimd for Visit<'_> {
-    type Output = Found;
+    type Output = RoundResult;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) -> Found {
+    fn with_simd<S: Simd>(mut self, simd: S) -> RoundResult {
         let d = self.round.dimensions;
         let columns = self.round.columns.len() / d;
         let mut gains = vec![0.0; columns - 1];
@@ -221,7 +227,7 @@ impl WithSimd for Visit<'_> {
             None => sum(squared),
             Some(weights) => sum(&squared.iter().zip(weights).map(|(a, b)| a * b).collect::<Vec<_>>()),
         };
-        Found { total, gains }
+        RoundResult { total, gains }
     }
 }
 

@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn units_shift_to_the_mean_and_scale_by_a_power_of_two() {
+    fn units_shift_and_scale_exactly() {
         for (offset, size) in [(0.0, 1.0), (1e6, 1e-3), (-3.0, 1e-40), (0.0, 1e25)] {
             let table = table(40_000, 3, offset, size);
             let units = Units::of_rows(&table, &Silent).unwrap();
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn read_rows_are_those_of_columns() {
+    fn read_rows_match_columns() {
         let table = table(40_000, 3, 5.0, 2.0);
         let units = Units::of_rows(&table, &Silent).unwrap();
         let read = Points::of_rows(&table, &units, &Silent).unwrap();

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_choose_the_rows_that_the_written_algorithm_chooses() {
+    fn draws_match_the_written_algorithm() {
         let rows = rows(9_000);
         let weights: Vec<f64> =
             (0..rows.len()).map(|i| if i % 3 == 0 { 0.0 } else { uniform(7, i as u64, 0) }).collect();
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn inertia_falls_and_ends_at_the_last_one() {
+    fn inertia_falls_to_the_last_value() {
         let points = points(&rows(5_000));
         let start: Vec<f64> = (0..6).flat_map(|i| points.row(i)).collect();
         let options = KMeansOptions { k: 6, max_iterations: 100, tolerance: 0.0 };

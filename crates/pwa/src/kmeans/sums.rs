@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_is_accurate_where_a_plain_sum_cancels() {
+    fn mean_is_accurate_despite_cancellation() {
         // One large value, taken back, among small ones: a plain sum loses the small digits.
         let mut sums = Sums::new(1, 1, Quanta::new(1000, 1e12));
         sums.add(0, &[1e12]);

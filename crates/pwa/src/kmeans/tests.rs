@@ -107,7 +107,7 @@ fn rows(kind: usize, n: usize, d: usize, seed: u64) -> Vec<Vec<f64>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(192))]
     #[test]
-    fn labels_and_centroids_are_those_of_plain_lloyd(
+    fn labels_and_centroids_match_plain_lloyd(
         kind in 0usize..7, n in 1usize..700, d in 1usize..20, k in 1usize..24, iterations in 0usize..30, seed in any::<u64>(), from_rows in any::<bool>(),
     ) {
         let rows = rows(kind, n, d, seed);
@@ -120,7 +120,7 @@ proptest! {
 }
 
 #[test]
-fn many_rows_and_clusters_are_those_of_plain_lloyd() {
+fn many_clusters_match_plain_lloyd() {
     for (kind, n, d, k) in
         [(0, 20_000, 16, 50), (5, 20_000, 16, 50), (0, 9_000, 3, 200), (1, 9_000, 2, 40), (4, 9_000, 5, 13)]
     {
@@ -193,7 +193,7 @@ fn centroids_are_the_means_of_their_rows() {
 }
 
 #[test]
-fn seeding_prefers_what_is_far_and_restarts_do_not_hurt() {
+fn seeding_prefers_distant_rows() {
     // Seven tight blobs, far apart: greedy k-means++ finds one row of each.
     let rows: Vec<Vec<f64>> =
         (0..7000).map(|i| vec![100.0 * f64::from(i % 7) + uniform(1, i as u64, 0), uniform(1, i as u64, 1)]).collect();

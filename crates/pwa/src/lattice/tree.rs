@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn one_map_may_hold_in_places_that_lie_apart() {
+    fn one_map_may_hold_in_distant_places() {
         // Between two pieces of the line y = x lies another line.
         let cells = of_function(9, |x| if (3.0..6.0).contains(&x) { -x } else { x });
         let neighbours = Tree::grow(chain(&cells), to(1), error);
@@ -373,7 +373,7 @@ mod tests {
         }
 
         #[test]
-        fn every_join_makes_one_region_less_of_the_regions_before(
+        fn joins_remove_one_region_each(
             values in prop::collection::vec(prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 3..6), 2..12)
         ) {
             let tree = Tree::grow(chain(&values), to(1), error);

@@ -144,7 +144,7 @@ mod tests {
             let label = |row: usize| (fleetfoot_data::mix(seed ^ row as u64) % regions as u64) as u32;
             let labels: Vec<Vec<u32>> = examples.map(|_, chunk| (0..chunk.rows).map(label).collect());
             let objective = Descent::new(&examples, labels, Separators::zero(regions, 2)).run(&Silent).unwrap();
-            // What rounding leaves of sums of some hundred rows.
+            // Rounding error of sums of some hundred rows.
             prop_assert!(objective.windows(2).all(|pair| pair[1] <= pair[0] + 1e-10 * (1.0 + pair[0].abs())), "{:?}", objective);
         }
     }

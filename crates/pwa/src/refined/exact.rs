@@ -425,7 +425,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
-        fn the_error_never_rises_and_is_that_of_the_regions(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..400) {
+        fn error_never_rises_and_matches_regions(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..400) {
             let examples = rows_of(&waves(rows));
             let before = State::of(&examples, separators(table.clone())).error;
             let (error, costs) = exact(&examples, separators(table));
@@ -461,7 +461,7 @@ mod tests {
 
     /// Row 0 lies at x = 0: a direction along x alone never moves it past a border.
     #[test]
-    fn a_row_that_no_step_moves_gives_finite_separators() {
+    fn unmoved_row_gives_finite_separators() {
         let examples = rows_of(&waves(168));
         let table = [2.7579634409923792, -2.103920767363529, 0.0, -2.6265179614664587, 0.6167634672702993];
         let rest = [-1.8092079364231335, -0.32889448789607145, -1.7533015107123253, 0.0];

@@ -63,7 +63,7 @@ impl Loop {
     ///
     /// # Errors
     /// As [`Loop::new`].
-    pub(crate) fn asked(problem: &Problem, options: &Options) -> Result<Option<Self>, Error> {
+    pub(crate) fn requested(problem: &Problem, options: &Options) -> Result<Option<Self>, Error> {
         let bound = options.stability.or((!options.ports.is_empty()).then_some(1.0));
         bound.map(|bound| Self::new(problem, bound, &options.ports)).transpose()
     }
@@ -93,7 +93,7 @@ impl Loop {
             }
             let bent = readers.find(|function| slopes(function, subject).is_none());
             match bent {
-                // What is read through bounded functions alone feeds back no more than they give.
+                // Columns that are read through bounded functions alone feed back bounded values.
                 _ if library.iter().filter(|function| reads(function, subject)).all(is_bounded)
                     || is_angle(subject) =>
                 {

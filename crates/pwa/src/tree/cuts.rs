@@ -24,7 +24,7 @@ pub(super) struct Node {
 
 /// A cut of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct NodeCut {
     pub(super) column: usize,
     /// Error of both sides.
     pub(super) error: f64,
@@ -45,14 +45,14 @@ struct Ordered<'a> {
 
 impl Node {
     /// The best of some cuts along a column, evenly over the rows; `None` where none leaves `least` rows on both sides.
-    pub(super) fn best(&self, examples: &Examples, column: usize, least: u64) -> Option<Found> {
+    pub(super) fn best(&self, examples: &Examples, column: usize, least: u64) -> Option<NodeCut> {
         let ordered = Ordered::new(examples, column, &self.rows);
         let n = ordered.rows.len();
         ordered.best(0..n, least, None)
     }
 
     /// The same cut, located to the row: the range between the tried cuts beside it is searched in ever finer bins.
-    pub(super) fn sharpened(&self, examples: &Examples, coarse: Found, least: u64) -> Found {
+    pub(super) fn sharpened(&self, examples: &Examples, coarse: NodeCut, least: u64) -> NodeCut {
         let ordered = Ordered::new(examples, coarse.column, &self.rows);
         let mut best = coarse;
         while let Some(finer) = ordered.best(best.between.0..best.between.1, least, Some(best.at)) {
@@ -65,7 +65,7 @@ impl Node {
     }
 
     /// The rows on both sides of a cut.
-    pub(super) fn sides(&self, examples: &Examples, cut: &Found) -> [Self; 2] {
+    pub(super) fn sides(&self, examples: &Examples, cut: &NodeCut) -> [Self; 2] {
         let value = |row: u32| Ordered::value(examples, cut.column, row);
         let (below, above): (Vec<u32>, Vec<u32>) = self.rows.iter().partition(|&&row| value(row) < cut.threshold);
         [below, above].map(|rows| {
@@ -113,7 +113,7 @@ impl<'a> Ordered<'a> {
     }
 
     /// The best of some cuts within a range of the rows.
-    fn best(&self, range: Range<usize>, least: u64, known: Option<usize>) -> Option<Found> {
+    fn best(&self, range: Range<usize>, least: u64, known: Option<usize>) -> Option<NodeCut> {
         let places = self.candidates(&range, least as usize, known);
         if places.is_empty() {
             return None;
@@ -137,7 +137,7 @@ impl<'a> Ordered<'a> {
         let best = (0..places.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]))?;
         let beside = |at: Option<usize>, end: usize| at.and_then(|at| places.get(at).copied()).unwrap_or(end);
         let at = places[best];
-        Some(Found {
+        Some(NodeCut {
             column: self.column,
             error: errors[best],
             threshold: between(self.rows[at - 1].0, self.rows[at].0),
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cut_lies_between_the_rows_of_a_jump_among_thousands() {
+    fn cut_lies_between_rows_of_a_jump() {
         let row = |i: usize| {
             let x = ((i * 7919) % 5000) as f64 / 2500.0 - 1.0;
             let other = ((i * 104_729) % 5003) as f64 / 2501.5 - 1.0;

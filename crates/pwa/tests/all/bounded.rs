@@ -44,7 +44,7 @@ pub(crate) fn options(partitions: &str) -> Options {
     let mut options = Options::default();
     options.partitions = Specification::parse_list(partitions).unwrap();
     options.folds = 5;
-    // What is checked is the least squared error within a bound.
+    // Check of the least squared error within a bound.
     options.shrinkage = Shrinkage::Rows(0.0);
     options
 }

@@ -90,7 +90,7 @@ fn a_continuous_piecewise_line_is_recovered_exactly() {
 }
 
 #[test]
-fn noise_is_held_out_better_with_fewer_numbers_and_jumps_are_not() {
+fn continuity_improves_only_maps_without_jumps() {
     let kink = sampled(2, 300, 0.3, 2, |x| x[0].abs() + x[1]);
     let [mut tied, mut free] = [continuous("kmeans:6", 5), options("kmeans:6", 5)];
     (tied.shrinkage, free.shrinkage) = (Shrinkage::Rows(0.0), Shrinkage::Rows(0.0));
@@ -182,7 +182,7 @@ fn the_fit_has_the_least_error_of_all_continuous_maps() {
 }
 
 #[test]
-fn where_three_regions_meet_one_number_is_free() {
+fn three_regions_meet_with_one_free_number() {
     // The greatest of three planes, and what it is a kink of.
     let planes = [[1.0, 0.2], [-0.6, 0.9], [-0.5, -1.0]];
     let largest = |x: &[f64]| planes.iter().map(|w| w[0] * x[0] + w[1] * x[1]).fold(f64::NEG_INFINITY, f64::max);
@@ -220,7 +220,7 @@ fn borders_that_do_not_meet_are_free() {
 }
 
 #[test]
-fn shrinkage_and_choice_hold_for_maps_that_meet() {
+fn continuous_maps_keep_shrinkage_and_selection() {
     let rows = sampled(2, 200, 0.4, 8, |x| (2.0 * x[0]).tanh());
     let mut wanted = continuous("average,kmeans:2,4,8", 5);
     wanted.shrinkage = Shrinkage::Auto;
@@ -257,7 +257,7 @@ fn partitions_without_linear_borders_are_refused() {
 }
 
 #[test]
-fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
+fn threads_and_order_change_no_bit() {
     let rows = sampled(3, 9000, 0.2, 10, |x| (2.0 * x[0] + x[1]).sin() + x[2].abs());
     same_bits(&problem(3), &continuous("kmeans:3,refined:3,tree:2", 3), &rows);
 }

@@ -80,7 +80,7 @@ fn labels_recover_the_truth_and_the_model_reads_back() {
 }
 
 #[test]
-fn stages_say_which_partition_and_fold_they_are_of() {
+fn stages_name_partition_and_fold() {
     #[derive(Default)]
     struct Stages(std::sync::Mutex<Vec<String>>);
     impl Progress for Stages {
@@ -121,7 +121,7 @@ fn more_regions_predict_better_and_cross_validation_chooses() {
 }
 
 #[test]
-fn held_out_losses_are_those_of_models_that_did_not_see_the_fold() {
+fn held_out_losses_match_models_without_fold() {
     let source = hybrid(5000, 5, 0.3, 3);
     let mut options = options("average");
     // Five episodes are enough to be folds.
@@ -238,7 +238,7 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
 /// Forty cells of a few noisy rows each diverge outside of them. Cells of exact maps stay unchanged, though folds draw
 /// their borders elsewhere.
 #[test]
-fn regions_are_pulled_where_rows_that_did_not_train_ask_for_it() {
+fn held_out_rows_decide_shrinkage() {
     let held_out = |shrinkage, noise| {
         let mut options = options("kmeans:40");
         options.shrinkage = shrinkage;
@@ -278,7 +278,7 @@ fn tsqr_and_the_gram_agree() {
 }
 
 #[test]
-fn beyond_the_memory_a_sample_is_clustered_and_all_rows_are_fitted() {
+fn memory_limit_clusters_a_sample() {
     let source = hybrid(40_000, 3, 0.05, 11);
     let all = run(&problem(&["x", "u"]), &options("kmeans:4"), &source);
     let mut small = options("kmeans:4");
@@ -328,7 +328,7 @@ fn a_note_reports_a_model_no_better_than_the_mean() {
 }
 
 #[test]
-fn fits_that_are_not_possible_are_refused_with_a_reason() {
+fn impossible_fits_are_refused_with_reason() {
     let few = hybrid(3, 1, 0.0, 8);
     let message = identify(&problem(&["x", "u"]), &options("average"), &few, &Silent).unwrap_err().to_string();
     assert!(message.contains("too few"), "{message}");
@@ -358,7 +358,7 @@ fn polynomial_libraries_and_weights() {
 }
 
 #[test]
-fn errors_of_dependent_targets_are_scored_by_the_one_metric() {
+fn dependent_targets_share_one_metric() {
     // The second target is the first one, up to a hundred-thousandth: an eigenvalue below the metric's floor.
     let mut random = Pcg64::seed_from_u64(12);
     let mut rows: Vec<[f64; 4]> = Vec::new();
@@ -397,7 +397,7 @@ fn errors_of_dependent_targets_are_scored_by_the_one_metric() {
 }
 
 #[test]
-fn kept_models_are_those_of_fits_by_themselves() {
+fn kept_models_match_separate_fits() {
     let source = hybrid(6_000, 4, 0.1, 8);
     let mut together = options("null,average,zscore:1,kmeans:4");
     together.folds = 2;
@@ -442,7 +442,7 @@ fn intervals_hold_the_error_and_pairs_are_tighter() {
 }
 
 #[test]
-fn partitions_alone_are_those_of_the_identification() {
+fn partitions_alone_match_identification() {
     let source = hybrid(600, 3, 0.01, 5);
     let mut options = options("average,zscore:1.2,kmeans:3,labels:mode,labels:mode+kmeans:2");
     // Folds cut the rows into other chunks, whose sums round differently.

@@ -47,7 +47,7 @@ fn error(model: &Model, rows: &[Row]) -> f64 {
 }
 
 #[test]
-fn one_map_that_holds_in_two_places_is_one_region() {
+fn equal_maps_are_one_region() {
     let rows = sandwich(4000, 1);
     let mut wanted = options("average,kmeans:2,lattice:1..6", 5);
     wanted.keep_all = true;
@@ -109,7 +109,7 @@ fn noise_gets_no_regions_by_held_out_error() {
 }
 
 #[test]
-fn as_many_regions_as_cells_are_the_fits_of_the_cells() {
+fn full_lattice_equals_fits_of_cells() {
     let rows = sandwich(60, 4);
     let identification = run(&problem(2), &options("lattice:60", 0), &source(&rows, 1));
     let partition = &identification.model.partitions[0];
@@ -132,13 +132,13 @@ fn a_note_reports_fewer_cells_than_regions() {
 }
 
 #[test]
-fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
+fn threads_and_order_change_no_bit() {
     let model = same_bits(&problem(2), &options("kmeans:3,lattice:2..5", 3), &sandwich(9000, 6));
     assert!(model.contains("joined"));
 }
 
 #[test]
-fn constant_columns_and_one_place_are_no_trouble() {
+fn constant_columns_are_accepted() {
     let rows: Vec<Row> = sandwich(600, 7).into_iter().map(|(x, y)| (vec![x[0], x[1], 7.0], y)).collect();
     let identification = run(&problem(3), &options("average,lattice:1,lattice:3", 3), &source(&rows, 1));
     assert!(
@@ -190,7 +190,7 @@ fn modes(rows: usize, seed: u64) -> Vec<Row> {
 }
 
 #[test]
-fn every_level_is_as_good_as_regions_refined_for_its_number() {
+fn levels_match_separately_refined_regions() {
     let rows = modes(8000, 1);
     let mut wanted = options("refined:2,refined:3,refined:5,refined:8,lattice:2,lattice:3,lattice:5,lattice:8", 0);
     wanted.selection = Selection::Bic;
@@ -205,7 +205,7 @@ fn every_level_is_as_good_as_regions_refined_for_its_number() {
 }
 
 #[test]
-fn partitions_alone_are_those_of_the_regression() {
+fn partitions_alone_match_regression() {
     let source = source(&sandwich(900, 9), 1);
     let partitions = partition(&problem(2), &options("lattice:2,lattice:4", 5), &source, &Silent).unwrap();
     let fitted = identify(&problem(2), &options("lattice:4", 0), &source, &Silent).unwrap();

@@ -139,7 +139,7 @@ fn all_regions_dissipate_with_the_reported_storage() {
             assert!(partitions == "average" || at == 0 || active >= 4, "{active} of 8 regions had to move");
             // A mass of 1.5 is what the force meets: twice its kinetic energy is the storage of a speed.
             assert!((P[(1, 1)] / MASS - 1.0).abs() < 0.35, "{P:?}");
-            // What sampling takes is h/m, and twice that is allowed.
+            // Sampling takes h/m, and twice that is allowed.
             assert!((E / (2.0 * H / MASS) - 1.0).abs() < 0.1, "{E}");
             assert!(candidate.loss >= candidate.free_loss - 3.0 * candidate.standard_error);
         }
@@ -239,7 +239,7 @@ fn no_passive_map_has_less_error() {
 
 /// Coefficients that left the set go to where no way within it leads nearer.
 #[test]
-fn models_are_kept_passive_where_they_are_nearest() {
+fn passive_models_are_the_nearest() {
     let identification = run(&next_rows(), &options("kmeans:6", force()), &mass(2000, 4, 0.15));
     let stability = identification.candidates[0].stability.as_ref().unwrap();
     let (P, E) = (metric(stability), shortage(stability));

@@ -62,7 +62,7 @@ pub(crate) fn run(problem: &Problem, options: &Options, source: &MemorySource) -
 /// Model of rows of six episodes of 1,500, as text. Checks that its bits are the same on one, two and seven threads,
 /// and for the episodes in the other order.
 pub(crate) fn same_bits(problem: &Problem, options: &Options, rows: &[Row]) -> String {
-    let said = |source: &MemorySource| {
+    let result_bits = |source: &MemorySource| {
         let identification = run(problem, options, source);
         let mut model = identification.model;
         model.training.episodes.sort();
@@ -71,12 +71,12 @@ pub(crate) fn same_bits(problem: &Problem, options: &Options, rows: &[Row]) -> S
     };
     assert_eq!(rows.len(), 6 * 1500);
     let whole = source(rows, 6);
-    let alone = with_threads(1, || said(&whole));
+    let alone = with_threads(1, || result_bits(&whole));
     for threads in [2, 7] {
-        assert_eq!(with_threads(threads, || said(&whole)), alone, "{threads} threads");
+        assert_eq!(with_threads(threads, || result_bits(&whole)), alone, "{threads} threads");
     }
     let reversed: Vec<Row> = rows.chunks(1500).rev().flatten().cloned().collect();
-    assert_eq!(said(&source(&reversed, 6)), alone, "episodes in the other order");
+    assert_eq!(result_bits(&source(&reversed, 6)), alone, "episodes in the other order");
     alone.0
 }
 
@@ -131,7 +131,7 @@ fn recovered(identification: &Identification, rows: &[Row], modes: &[usize]) -> 
 }
 
 #[test]
-fn modes_that_do_not_follow_density_are_recovered() {
+fn modes_independent_of_density_are_recovered() {
     for seed in 0..5 {
         let (rows, modes) = pwarx(1000, seed);
         let source = source(&rows, 1);
@@ -179,7 +179,7 @@ fn borders_of_a_sample_are_drawn_by_all_rows() {
         let (rows, modes) = pwarx(300_000, seed);
         let identification = run(&problem(2), &options("refined:3", 0), &source(&rows, 1));
         let (share, names) = recovered(&identification, &rows, &modes);
-        // Where the maps cross at a border, rows beside it do not tell where it is, and do no harm.
+        // If the maps cross at a border, rows beside it do not tell its place, and do no harm.
         assert!(share >= 1.0 - 5e-5, "seed {seed}: {} rows are wrong", (300_000.0 * (1.0 - share)).round());
         let off = off(&identification, &names);
         assert!(off.iter().all(|off| off.abs() < 3.5), "seed {seed}: {off:?} standard errors");
@@ -187,7 +187,7 @@ fn borders_of_a_sample_are_drawn_by_all_rows() {
 }
 
 #[test]
-fn the_number_of_modes_is_chosen_on_rows_that_did_not_train() {
+fn held_out_rows_choose_mode_count() {
     let (rows, _) = pwarx(1000, 7);
     let identification = run(&problem(2), &options("average,refined:2..5", 5), &source(&rows, 1));
     assert_eq!(
@@ -234,7 +234,7 @@ fn sampled(f: fn(&[f64]) -> f64, d: usize, rows: usize, seed: u64) -> Vec<Row> {
 }
 
 #[test]
-fn functions_are_explained_better_than_by_as_many_cells_of_k_means() {
+fn refined_regions_explain_more_than_kmeans() {
     for (name, d, f) in functions() {
         let identification = run(&problem(d), &options("kmeans:6,refined:6", 5), &source(&sampled(f, d, 1000, 11), 1));
         let [clustered, refined] = [0, 1].map(|at| identification.candidates[at].loss);
@@ -243,7 +243,7 @@ fn functions_are_explained_better_than_by_as_many_cells_of_k_means() {
 }
 
 #[test]
-fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
+fn threads_and_order_change_no_bit() {
     let (_, d, f) = functions()[2];
     same_bits(&problem(d), &options("refined:2..3", 3), &sampled(f, d, 9000, 5));
 }
@@ -274,7 +274,7 @@ fn a_sample_is_refined_and_all_rows_are_fitted() {
 }
 
 #[test]
-fn one_region_and_constant_columns_are_no_trouble() {
+fn one_region_and_constant_columns_are_accepted() {
     let (name, d, f) = functions()[1];
     let rows: Vec<Row> = sampled(f, d, 300, 4).into_iter().map(|(x, y)| (vec![x[0], x[1], 7.0], y)).collect();
     let identification = run(&problem(3), &options("average,refined:1,refined:3", 3), &source(&rows, 1));
@@ -294,7 +294,7 @@ fn regions_on_too_many_columns_are_refused() {
 }
 
 #[test]
-fn partitions_alone_are_those_of_the_regression() {
+fn partitions_alone_match_regression() {
     let (rows, _) = pwarx(300, 9);
     let partitions = partition(&problem(2), &options("refined:3", 5), &source(&rows, 1), &Silent).unwrap();
     let fitted = identify(&problem(2), &options("refined:3", 0), &source(&rows, 1), &Silent).unwrap();

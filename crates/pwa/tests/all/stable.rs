@@ -112,7 +112,7 @@ fn no_map_within_the_bound_has_less_error() {
 }
 
 #[test]
-fn models_are_kept_within_the_bound_where_they_are_nearest() {
+fn bounded_models_are_the_nearest() {
     let source = oscillator(2000, 4);
     let identification = run(&problem(), &options("kmeans:8", Some(0.98)), &source);
     let stability = identification.candidates[0].stability.as_ref().unwrap();
@@ -149,7 +149,7 @@ fn earlier_rows_are_part_of_the_map() {
 }
 
 #[test]
-fn given_equations_are_part_of_the_map_and_derivatives_are_steps() {
+fn map_includes_given_equations_and_derivatives() {
     let source = oscillator(1500, 4);
     let mut problem = problem();
     problem.equations = vec![

@@ -87,7 +87,7 @@ fn regions(model: &Model) -> &Partition {
 }
 
 #[test]
-fn regions_along_a_phase_are_those_of_the_rows() {
+fn regions_along_phase_match_rows() {
     let source = gait(30_000, 3, 0.5, 1);
     let model = run("phase", &options("kmeans:4", Some(CYCLE)), &source).model;
     let regions = regions(&model);
@@ -122,7 +122,7 @@ fn regions_along_a_phase_are_those_of_the_rows() {
         phases.passages.iter().map(|passage| ([passage.bin, passage.from, passage.to], passage.rows)).collect();
     assert_eq!(counted, passages.into_iter().collect::<Vec<_>>());
     assert!((phases.rows_of_a_stride() * RATE - 1.0).abs() < 0.01, "{}", phases.rows_of_a_stride());
-    // Which follows which from sample to sample is the same, summed over the bins.
+    // The transitions from sample to sample are the same, summed over the bins.
     let sum: u64 =
         phases.passages.iter().filter(|passage| (passage.from, passage.to) == (1, 1)).map(|passage| passage.rows).sum();
     assert_eq!(sum, regions.transitions.as_ref().unwrap().counts[1][1]);
@@ -201,7 +201,7 @@ fn slow(rows: usize, seed: u64) -> MemorySource {
 }
 
 #[test]
-fn correlated_rows_do_not_separate_regions_of_one_map() {
+fn correlated_rows_do_not_separate_equal_regions() {
     let shares_of_pairs = |seed: u64| {
         let fitted = run("x", &options("labels:mode", Some(CYCLE)), &slow(8_000, seed));
         // Of one map for both the residuals are those of one region, up to what chance fits.

@@ -96,7 +96,7 @@ fn every_label_has_a_separate_tree() {
 }
 
 #[test]
-fn threads_and_the_order_of_episodes_do_not_change_a_bit() {
+fn threads_and_order_change_no_bit() {
     let model = same_bits(&problem(3), &options("tree:1..4", 3), &boxes(9000, 0.3, 5));
     assert!(model.contains("\"tree\""));
 }
@@ -118,7 +118,7 @@ fn a_sample_is_cut_and_all_rows_are_fitted() {
 }
 
 #[test]
-fn partitions_alone_are_those_of_the_regression() {
+fn partitions_alone_match_regression() {
     let source = source(&boxes(900, 0.1, 9), 1);
     let partitions = partition(&problem(3), &options("tree:1,tree:3", 5), &source, &Silent).unwrap();
     let fitted = identify(&problem(3), &options("tree:3", 0), &source, &Silent).unwrap();
@@ -128,7 +128,7 @@ fn partitions_alone_are_those_of_the_regression() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
     #[test]
-    fn cuts_follow_the_scale_of_a_column_and_not_that_of_others(
+    fn cuts_follow_each_columns_scale(
         seed in 0u64..1000, exponents in prop::array::uniform3(-6i32..6), target in -6i32..6
     ) {
         // Powers of two change no digit.

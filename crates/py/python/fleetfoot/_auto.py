@@ -138,8 +138,8 @@ def auto(
         file_recipe.setdefault("states", {}).setdefault(name, {})
     for name in inputs or ():
         file_recipe.setdefault("inputs", {}).setdefault(name, {})
-    said = _recipe.said(effort=effort, horizon=horizon)
-    file_recipe = _recipe.say({"auto": said} if said else {}, file_recipe)
+    settings = _recipe.without_none(effort=effort, horizon=horizon)
+    file_recipe = _recipe.override({"auto": settings} if settings else {}, file_recipe)
     with reporting(progress) as callback:
         model, linear, report, text = _core.auto(
             dataset._core,

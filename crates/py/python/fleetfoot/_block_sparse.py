@@ -166,21 +166,21 @@ class BlockSparse(Identifier):
     def _predicts(self, base: Mapping[str, Any] | None = None) -> str:
         return TASKS if self.tasks else super()._predicts(base)
 
-    def _own_recipe(self) -> dict[str, Any]:
-        lam = self._said("lam")
-        sparse = _recipe.said(
+    def _method_recipe(self) -> dict[str, Any]:
+        lam = self._argument("lam")
+        sparse = _recipe.without_none(
             **{name: self._real(name) for name in ("l1_ratio", "threshold", "prior_strength")},
             **{"lambda": None if lam is None else _text(lam)},
-            select=self._said("select"),
+            select=self._argument("select"),
             folds=self._text("folds"),
             groups=groups_of(self.groups),
-            adaptive=self._said("adaptive"),
-            bolasso=self._said("bolasso"),
-            stability=self._said("stability"),
-            unscaled=self._said("unscaled"),
+            adaptive=self._argument("adaptive"),
+            bolasso=self._argument("bolasso"),
+            stability=self._argument("stability"),
+            unscaled=self._argument("unscaled"),
             seed=self._whole("seed", 0),
         )
-        model = _recipe.said(predict=self._said("target"), degree=self._whole("degree", 1))
+        model = _recipe.without_none(predict=self._argument("target"), degree=self._whole("degree", 1))
         tasks = {name: _task(name, task) for name, task in (self.tasks or {}).items()}
         named = {name: dict(getattr(self, name) or {}) for name in ("latents", "constraints")}
         sections = (("sparse", sparse), ("model", model), *named.items(), ("tasks", tasks))
@@ -206,7 +206,7 @@ class BlockSparse(Identifier):
 
     def _candidates(self) -> list[list[str]]:
         """Candidates of every latent function."""
-        self._found()
+        self._fitted_model()
         return [[one["function"] for one in latent["functions"]] for latent in self.report_["latents"]]
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:

@@ -21,7 +21,7 @@ from .exceptions import DataError, RequestError
 Array = np.ndarray[Any, np.dtype[Any]]
 Method = TypeVar("Method", bound=Callable[..., Any])
 
-#: What of states may be predicted; anything else is a column.
+#: Words for predicted quantities of states; any other word is a column.
 OF_STATES = ("derivative", "next", "delta")
 #: Slips of these words, in small letters and without blanks.
 _SLIPS = {
@@ -73,7 +73,7 @@ class Call:
     columns: Mapping[str, Any] | None = None
     #: Names of the features, where a table has them.
     table_names: tuple[str, ...] | None = None
-    #: Whether the targets that were given are a vector.
+    #: True if the given targets are a vector.
     is_flat: bool = False
 
     def understood(

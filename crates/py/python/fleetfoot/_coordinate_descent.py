@@ -466,7 +466,7 @@ class ElasticNet(MultiOutputMixin, LinearModel):
             largest = float(abs(X).max()) if X.shape[0] else 0.0
             if largest * largest * X.shape[0] < float(np.finfo(np.float64).max):
                 raise
-            # What people search for who meet it elsewhere.
+            # Words by which other libraries describe it.
             raise FitError(
                 "Coordinate descent iterations resulted in non-finite parameter values, or would: squares of X overflow. "
                 f"{error}"

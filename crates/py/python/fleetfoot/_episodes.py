@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from .exceptions import StatisticError
 
-#: What names episodes: a name, an identity, a record, several of them, or a function of the record.
+#: Forms that name episodes: a name, an identity, a record, several of them, or a function of the record.
 Episodes: TypeAlias = "str | Episode | Iterable[str | Episode] | Callable[[Episode], bool]"
 
 #: Digits of an identity that name an episode, at least.
@@ -79,15 +79,15 @@ def _named(known: list[Episode], episodes: Episodes) -> set[str]:
     return chosen
 
 
-def _labelled(found: list[Episode], label: str, values: set[str]) -> set[str]:
-    known = {episode.labels[label] for episode in found if label in episode.labels}
+def _labelled(episodes: list[Episode], label: str, values: set[str]) -> set[str]:
+    known = {episode.labels[label] for episode in episodes if label in episode.labels}
     for value in sorted(values - known):
-        names = sorted(known) if known else sorted({name for episode in found for name in episode.labels})
+        names = sorted(known) if known else sorted({name for episode in episodes for name in episode.labels})
         what = "values" if known else "labels"
         missing = "no episode has labels; scan with keys=['name={dir1}']"
         there = _nearest(value if known else label, names) if names else missing
         raise StatisticError(f"where: {label} = {value!r} matches no episode; of {what} {there}")
-    return {episode.id for episode in found if episode.labels.get(label) in values}
+    return {episode.id for episode in episodes if episode.labels.get(label) in values}
 
 
 def _nearest(text: str, names: list[str]) -> str:

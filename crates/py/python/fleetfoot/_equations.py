@@ -35,7 +35,7 @@ class Content:
         """The equations that were fitted."""
         return [equation for equation in self.equations_ if equation["target"] is not None]
 
-    def own_latent(self, equation: dict[str, Any]) -> dict[str, Any] | None:
+    def latent_of(self, equation: dict[str, Any]) -> dict[str, Any] | None:
         """The latent function of a right side that is a single latent."""
         name = equation["right"].strip("`")
         return next((latent for latent in self.latents if latent["name"] == name), None)
@@ -96,7 +96,7 @@ class Content:
         """Equations as text; one per region if there are several."""
         lines, named = [], []
         for equation in self.equations_:
-            left, latent = _left(equation), self.own_latent(equation)
+            left, latent = _left(equation), self.latent_of(equation)
             if latent is None:
                 lines.append(f"{left} = {equation['right']}")
                 continue

@@ -102,12 +102,12 @@ class Filtering:
         >>> found["estimates"][0]["x"].shape, bool(found["truth"][0]["rmse"] < 0.5 * v.std())
         ((2000, 2), True)
         """
-        said = _said(measured, sensors, truth, initial, process, noise, switching)
-        opened, changes = self._opened(data, recipe, said={"filter": said} if said else {})  # type: ignore[attr-defined]
+        entries = _filter_entries(measured, sensors, truth, initial, process, noise, switching)
+        opened, changes = self._opened(data, recipe, arguments={"filter": entries} if entries else {})  # type: ignore[attr-defined]
         written = None if output is None else os.fspath(output)
         with reporting(progress) as callback:
-            found, estimates = engine.filter(self._core, opened, changes, keep, written, cache, callback)
-        report = Filtered(found)
+            result, estimates = engine.filter(self._core, opened, changes, keep, written, cache, callback)
+        report = Filtered(result)
         if keep and output is None:
             report["estimates"] = estimates
         report["notes"] = tell_all(report["notes"])
@@ -148,14 +148,14 @@ class Filtering:
         RequestError
             A sensor without a deviation, regions that are not affine.
         """
-        said = _said(measured, None, None, initial, process, noise, switching)
+        entries = _filter_entries(measured, None, None, initial, process, noise, switching)
         files = engine.export_filter(
-            self._core, _recipe.to_json({"filter": said}), os.fspath(folder), prefix, precision
+            self._core, _recipe.to_json({"filter": entries}), os.fspath(folder), prefix, precision
         )
         return [os.fspath(file) for file in files]
 
 
-def _said(
+def _filter_entries(
     measured: Measured | None,
     sensors: Mapping[str, str] | None,
     truth: Mapping[str, str] | None,
@@ -174,7 +174,7 @@ def _said(
     else:
         sure = [] if measured is None else names_of(measured)
     starts = (initial or {}).items()
-    return _recipe.said(
+    return _recipe.without_none(
         measured=None if measured is None else ",".join(sure),
         sensors=fields(sensors),
         truth=fields(truth),

@@ -37,7 +37,7 @@ class Fitted:
 
     #: Names of the states and inputs of the arrays that were fitted; nothing after files and data sets.
     _fitted_names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
-    #: Whether the target was a vector.
+    #: True if the target was a vector.
     _is_flat: bool = False
 
     if TYPE_CHECKING:
@@ -48,11 +48,11 @@ class Fitted:
 
         def _derivative(self) -> Any: ...
 
-        def _own_recipe(self) -> dict[str, Any]: ...
+        def _method_recipe(self) -> dict[str, Any]: ...
 
         def _period(self, recipe: Mapping[str, Any]) -> float | None: ...
 
-    def _found(self) -> Model:
+    def _fitted_model(self) -> Model:
         # Tags are not asked for with every call.
         if not hasattr(self, "model_"):
             check_is_fitted(self)
@@ -61,35 +61,35 @@ class Fitted:
     @property
     def model(self) -> Model:
         """The fitted model."""
-        return self._found()
+        return self._fitted_model()
 
     @property
     def complexity(self) -> int:
         """Number of terms: :attr:`fleetfoot.Model.complexity`."""
-        return self._found().complexity
+        return self._fitted_model().complexity
 
     def print(self, regions: int = 10) -> None:
         """Prints the model: columns, equations, regions."""
-        self._found().print(regions)
+        self._fitted_model().print(regions)
 
     def equations(self, precision: int = 5, *, region: int | None = None) -> list[str]:
         """The equations with numbers: :meth:`fleetfoot.Model.equations`."""
-        return self._found().equations(precision, region=region)
+        return self._fitted_model().equations(precision, region=region)
 
     def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
         """The coefficients: :meth:`fleetfoot.Model.coefficients`."""
-        return self._found().coefficients(latent=latent, region=region)
+        return self._fitted_model().coefficients(latent=latent, region=region)
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
         """Names of the candidate functions: :meth:`fleetfoot.Model.get_feature_names`."""
-        return self._found().get_feature_names(latent)
+        return self._fitted_model().get_feature_names(latent)
 
     def predict(self, x: Any, u: Any = None, t: ArrayLike | None = None, **options: Any) -> Any:
         """Predictions of the fitted equations for every row: :meth:`fleetfoot.Model.predict`.
 
         Arrays have the columns of the fit (states, or regressors of a column); tables have them by name.
         """
-        model = self._found()
+        model = self._fitted_model()
         if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
             us = u if u is not None else [None] * len(x)
             ts = t if isinstance(t, (list, tuple)) else [t] * len(x)
@@ -143,19 +143,19 @@ class Fitted:
 
     def simulate(self, x0: ArrayLike, t: ArrayLike | int, u: Any = None, **options: Any) -> Array:
         """The states over time: :meth:`fleetfoot.Model.simulate`."""
-        return self._found().simulate(x0, t, u, **options)
+        return self._fitted_model().simulate(x0, t, u, **options)
 
     def rollout(self, data: Any, horizon: int, **options: Any) -> Rollouts:
         """Simulations from measured states, scored by horizon: :meth:`fleetfoot.Model.rollout`."""
-        return self._found().rollout(data, horizon, **options)
+        return self._fitted_model().rollout(data, horizon, **options)
 
     def filter(self, data: Any, **options: Any) -> Filtered:
         """States from noisy measurements: :meth:`fleetfoot.Model.filter`."""
-        return self._found().filter(data, **options)
+        return self._fitted_model().filter(data, **options)
 
     def resimulate(self, data: Any, **options: Any) -> dict[str, Any]:
         """States and inputs that obey the model and follow recordings: :meth:`fleetfoot.Model.resimulate`."""
-        return self._found().resimulate(data, **options)
+        return self._fitted_model().resimulate(data, **options)
 
     @second_by_position
     def score(
@@ -179,7 +179,7 @@ class Fitted:
         **options
             As for :meth:`fleetfoot.Model.score`, which also returns errors of baselines, by episode, with intervals.
         """
-        model, base = self._found(), _recipe.of_anything(self.recipe)
+        model, base = self._fitted_model(), _recipe.of_anything(self.recipe)
         features, inputs = self._fitted_names or (None, None)
         if inputs:
             u = runs_in_order(u, inputs, "u")
@@ -223,7 +223,7 @@ class Fitted:
         has_period = given.dt is not None or self.dt is not None or "dt" in time
         names, clock = signals(dataset._core, t or time.get("column"), [self._predicts(base)], find_clock=not has_period)
         if clock is None and not has_period:
-            given = replace(given, dt=self._period(_recipe.over(self._own_recipe(), base)))
+            given = replace(given, dt=self._period(_recipe.over(self._method_recipe(), base)))
         return replace(given, t=clock), _recipe.over({"states": {name: {} for name in names}}, base), names
 
     def _score_of_states(self, model: Model, call: Call, options: Mapping[str, Any]) -> Scores:
@@ -254,4 +254,4 @@ class Fitted:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the model's file: :meth:`fleetfoot.Model.save`."""
-        self._found().save(path)
+        self._fitted_model().save(path)

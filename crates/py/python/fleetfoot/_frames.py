@@ -72,13 +72,13 @@ class Frame:
         DataError
             A column that mixes numbers and text, or another column that is not a signal but may be meant as one.
         """
-        found: list[str] = []
+        kept: list[str] = []
         aside: dict[str, list[str]] = {}
         for name in self.names:
             if name in left or name in self.aside:
                 continue
             why = self._no_signal(name)
-            (found if why is None else aside.setdefault(why, [])).append(name)
+            (kept if why is None else aside.setdefault(why, [])).append(name)
         if aside:
             whose = ", ".join(
                 f"column{'' if len(names) == 1 else 's'} {', '.join(f'`{name}`' for name in names)} ({why})"
@@ -88,7 +88,7 @@ class Frame:
                 f"no signal, and left out: {whose}; "
                 "name the states (states=[...]) where labels or conditions need it"
             )
-        return found
+        return kept
 
     def _no_signal(self, name: str) -> str | None:
         """Content of a column that is not a signal."""
@@ -319,7 +319,7 @@ def _of_arrow(table: Any) -> Frame:
     )
 
 
-def _of_own(table: Any) -> Frame:
+def _of_table(table: Any) -> Frame:
     def made(new: Sequence[str], values: Array) -> Any:
         columns = {name: values[:, at] for at, name in enumerate(new)}
         data = _core.Data.arrays([("run", [(array, [name]) for name, array in columns.items()])])
@@ -422,7 +422,7 @@ _KINDS: dict[tuple[str, str], Callable[[Any], Frame]] = {
     ("polars", "Series"): _of_polars_series,
     ("pyarrow", "Table"): _of_arrow,
     ("pyarrow", "RecordBatch"): _of_arrow,
-    ("fleetfoot", "Table"): _of_own,
+    ("fleetfoot", "Table"): _of_table,
     ("xarray", "Dataset"): _of_xarray,
     ("xarray", "DataArray"): _of_data_array,
 }

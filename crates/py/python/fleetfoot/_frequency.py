@@ -95,9 +95,9 @@ def frequency(
         "svg": None if svg is None else os.fspath(svg),
     }
     with reporting(progress) as callback:
-        found: dict[str, Any] = _core.frequency(None if inner is None else inner._core, core, text, request, callback)
-    tell_all(found["notes"])
-    return found
+        spectra: dict[str, Any] = _core.frequency(None if inner is None else inner._core, core, text, request, callback)
+    tell_all(spectra["notes"])
+    return spectra
 
 
 __all__ = ["frequency"]

@@ -113,7 +113,7 @@ class FROLS(Optimizer):
             },
         )
 
-    def _told(self, models: SparseModels) -> None:
+    def _set_results(self, models: SparseModels) -> None:
         self._ratios = np.zeros((self.n_features_in_, len(self.coef_)))
         for target, ratios in enumerate(models.ratios):
             self._ratios[: len(ratios), target] = ratios

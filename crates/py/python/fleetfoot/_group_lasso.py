@@ -19,7 +19,7 @@ __all__ = ["GroupLasso", "SparseGroupLasso"]
 
 _Fitted = TypeVar("_Fitted", bound="SparseGroupLasso")
 
-#: What all estimators of groups take.
+#: Parameters of all estimators of groups.
 GROUP_RULES: dict[str, tuple[Rule, ...]] = {"groups": (integer(1), ARRAY), "weights": (ARRAY, NONE)}
 
 

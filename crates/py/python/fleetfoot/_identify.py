@@ -118,24 +118,24 @@ class Identifier(Fitted, BaseEstimator):
         tags.input_tags.allow_nan = True
         return tags
 
-    def _said(self, name: str) -> Any:
+    def _argument(self, name: str) -> Any:
         """An argument of the constructor if it differs from the default, which leaves the recipe's entry in force."""
         value = getattr(self, name)
         return None if value is None or not _differs(value, self._defaults[name]) else value
 
     def _whole(self, name: str, least: int) -> int | None:
         """Whole number of an argument."""
-        value = self._said(name)
+        value = self._argument(name)
         return None if value is None else count(name, value, least)
 
     def _past(self) -> int | str | Mapping[str, int] | None:
         """The past rows: a number is checked, other forms are kept."""
-        said = self._said("lags")
-        return said if isinstance(said, (str, Mapping)) else self._whole("lags", 0)
+        lags = self._argument("lags")
+        return lags if isinstance(lags, (str, Mapping)) else self._whole("lags", 0)
 
     def _real(self, name: str, *words: str) -> float | str | None:
         """Number or word of an argument."""
-        value = self._said(name)
+        value = self._argument(name)
         if value is None or (isinstance(value, str) and value in words):
             return value
         if isinstance(value, str) and words:
@@ -144,11 +144,11 @@ class Identifier(Fitted, BaseEstimator):
 
     def _text(self, name: str) -> str | None:
         """An argument as text."""
-        value = self._said(name)
+        value = self._argument(name)
         return None if value is None else str(value)
 
     def _list(self, name: str) -> list[str] | None:
-        value = self._said(name)
+        value = self._argument(name)
         return None if value is None else names_of(value)
 
     # -- fitting
@@ -239,16 +239,16 @@ class Identifier(Fitted, BaseEstimator):
         raise NotImplementedError
 
     def _derivative(self) -> Derivative:
-        said: Derivative = self._said("derivative")
-        return said
+        derivative: Derivative = self._argument("derivative")
+        return derivative
 
-    def _own_recipe(self) -> dict[str, Any]:
+    def _method_recipe(self) -> dict[str, Any]:
         """The arguments of this method as a recipe."""
         return {}
 
     def _predicts(self, base: Mapping[str, Any] | None = None) -> str:
         """The target: of states, or a column."""
-        recipe = _recipe.over(self._own_recipe(), _recipe.of_anything(self.recipe) if base is None else base)
+        recipe = _recipe.over(self._method_recipe(), _recipe.of_anything(self.recipe) if base is None else base)
         return str(recipe.get("model", {}).get("predict", "derivative"))
 
     def plot(self, data: Any = None, **options: Any) -> Any:
@@ -260,7 +260,7 @@ class Identifier(Fitted, BaseEstimator):
     def _names_columns(self, base: Mapping[str, Any]) -> bool:
         """True if arguments or recipe name the roles of columns."""
         named = (self.states, self.inputs, self.known, *(base.get(name) for name in ("states", "inputs", "tasks")))
-        return any(named) or bool(self._own_recipe().get("tasks"))
+        return any(named) or bool(self._method_recipe().get("tasks"))
 
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
         """The period of arrays that need no clock."""
@@ -270,7 +270,7 @@ class Identifier(Fitted, BaseEstimator):
         """The data to read, and the whole recipe."""
         arrays = is_arrays(call.x)
         data, recipe = self._of_arrays(call, base) if arrays else self._of_recordings(call, base)
-        recipe = _recipe.say(self._own_recipe(), self._roles(recipe, arrays))
+        recipe = _recipe.override(self._method_recipe(), self._roles(recipe, arrays))
         if self.weight is not None:
             recipe = _recipe.over({"model": {"weight": self.weight}}, recipe)
         return data, recipe
@@ -285,12 +285,12 @@ class Identifier(Fitted, BaseEstimator):
             call.feature_names if call.feature_names is not None else _listed(self.states),
             call.input_names if call.input_names is not None or call.u is None else _listed(self.inputs),
             dt=call.dt,
-            default_dt=self._period(_recipe.over(self._own_recipe(), base)),
+            default_dt=self._period(_recipe.over(self._method_recipe(), base)),
             differentiate=derivative if callable(derivative) else None,
             columns=call.columns,
         )
         self._remember(made.states, made.inputs, call.table_names)
-        states = {name: _recipe.said(derivative=made.derivatives.get(name)) for name in made.states}
+        states = {name: _recipe.without_none(derivative=made.derivatives.get(name)) for name in made.states}
         below = {"states": states, "inputs": {name: {} for name in made.inputs}, "time": made.time}
         if call.table_names is not None and "column" in made.time:
             # The clock of the table is read already, under another name.

@@ -18,7 +18,7 @@ class LinearModel(RegressorMixin, BaseEstimator):
     intercept_: Any
     fit_intercept: bool
 
-    #: Whether X may be a sparse matrix.
+    #: True if X may be a sparse matrix.
     _sparse = False
 
     if HAS_SKLEARN:

@@ -461,7 +461,7 @@ class Model(OnRecordings, Filtering, Regulated):
         else:
             simulated, missed = _core.simulate(self._core, x0, grid, u, how, history, bool(interpolate))
         bad = ~np.isfinite(simulated)
-        # What diverges is told below.
+        # Divergence is reported below.
         if missed > _MISSED and not bad.any():
             warn(
                 f"the shortest steps of the integration leave an error of {missed:.1g} times the size of a state: "

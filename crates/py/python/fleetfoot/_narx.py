@@ -147,25 +147,25 @@ class NARX(Identifier):
     def _predicts(self, base: Mapping[str, Any] | None = None) -> str:
         return "next"
 
-    def _own_recipe(self) -> dict[str, Any]:
+    def _method_recipe(self) -> dict[str, Any]:
         whole = ("lags_out", "lags_in", "max_terms", "folds", "decimate", "seed", "starts")
-        narx = _recipe.said(
+        narx = _recipe.without_none(
             **{name: self._whole(name, 0) for name in whole},
-            direct=self._said("direct"),
-            order=self._said("order"),
-            effort=self._said("effort"),
-            terms=self._said("terms") if isinstance(self.terms, str) else self._whole("terms", 1),
-            select=self._said("select"),
-            objective=self._said("objective"),
+            direct=self._argument("direct"),
+            order=self._argument("order"),
+            effort=self._argument("effort"),
+            terms=self._argument("terms") if isinstance(self.terms, str) else self._whole("terms", 1),
+            select=self._argument("select"),
+            objective=self._argument("objective"),
             test_share=self._real("test_share"),
         )
-        model = _recipe.said(
+        model = _recipe.without_none(
             degree=self._whole("degree", 1),
             lags=self._past(),
-            partition=partition(self._said("partition")),
+            partition=partition(self._argument("partition")),
             partition_on=self._list("partition_on"),
         )
-        library = _recipe.said(functions=self._list("library"))
+        library = _recipe.without_none(functions=self._list("library"))
         sections = (("narx", narx), ("model", model), ("library", library))
         return {name: section for name, section in sections if section}
 

@@ -97,16 +97,16 @@ class Network(Identifier):
         self.memory = memory
         super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
-    def _own_recipe(self) -> dict[str, Any]:
-        model = _recipe.said(predict=self._said("target"), degree=self._whole("degree", 1), lags=self._past())
-        hidden = self._said("hidden")
+    def _method_recipe(self) -> dict[str, Any]:
+        model = _recipe.without_none(predict=self._argument("target"), degree=self._whole("degree", 1), lags=self._past())
+        hidden = self._argument("hidden")
         if hidden is not None and not isinstance(hidden, str):
             hidden = ",".join(str(int(units)) for units in (hidden if isinstance(hidden, Sequence) else [hidden]))
         memory = self._whole("memory", 1)
-        network = _recipe.said(
+        network = _recipe.without_none(
             hidden=hidden,
-            activation=self._said("activation"),
-            effort=self._said("effort"),
+            activation=self._argument("activation"),
+            effort=self._argument("effort"),
             folds=self._whole("folds", 2),
             seed=self._whole("seed", 0),
             # The recipe has MiB.

@@ -15,9 +15,9 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 #: Types of numbers that the engine reads where they lie.
 _READ = {np.dtype(kind).str for kind in ("bool", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")}
-#: How a number begins.
+#: First characters of a number.
 _NUMBER = re.compile(r"\s*[-+]?[.,]?\d")
-#: How text becomes numbers.
+#: Conversion of text to numbers.
 _MEND = (
     "text stands for labels and conditions alone; read it as numbers (pandas.read_csv(..., decimal=',', na_values=['-']), "
     "pandas.to_numeric(column, errors='coerce')), or leave the column out"

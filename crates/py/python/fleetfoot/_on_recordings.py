@@ -282,8 +282,8 @@ class OnRecordings:
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }
         with reporting(progress) as callback:
-            found, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
-        report = Rollouts(found)
+            result, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
+        report = Rollouts(result)
         if keep:
             report["trajectories"] = trajectories
         report["notes"] = tell_all(report["notes"])
@@ -363,7 +363,7 @@ class OnRecordings:
             if low is not None and high is not None and not low < high:
                 raise RequestError(f"bounds: {name!r} lies in ({low}, {high}); give (low, high), the smaller number first")
         ends = {name: ["" if end is None else repr(float(end)) for end in two] for name, two in (bounds or {}).items()}
-        said = _recipe.said(
+        entries = _recipe.without_none(
             every=None if every is None else count("every", every, 1),
             free=None if free is None else ",".join(f"`{name}`" for name in names_of(free)),
             deviations=None if deviations is None else ",".join(f"`{n}`={float(v)!r}" for n, v in deviations.items()),
@@ -371,7 +371,7 @@ class OnRecordings:
             widen=None if widen is None else float(widen),
             iterations=None if iterations is None else count("iterations", iterations, 1),
         )
-        opened, changes = self._opened(data, recipe, said={"resimulate": said} if said else {})
+        opened, changes = self._opened(data, recipe, arguments={"resimulate": entries} if entries else {})
         with reporting(progress) as callback:
             report, trajectories = engine.resimulate(self._core, opened, changes, cache, callback)
         if keep:
@@ -385,14 +385,14 @@ class OnRecordings:
         recipe: Any,
         t: Any = None,
         dt: float | None = None,
-        said: Mapping[str, Any] | None = None,
+        arguments: Mapping[str, Any] | None = None,
     ) -> tuple[engine.Data, str]:
         """The recordings, with clock, topics and episodes of their recipe; the columns are the model's."""
         dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
         sections = ("time", "files", "rename", "join", "episodes", "filter", "resimulate")
         kept: dict[str, Any] = {name: changes[name] for name in sections if name in changes}
-        kept = _recipe.say(said or {}, kept)
+        kept = _recipe.override(arguments or {}, kept)
         return dataset._core, _recipe.to_json(kept)
 
     def _arrays(
@@ -425,7 +425,7 @@ class OnRecordings:
             default_dt=self.dt or None,
             derivative_names=rates,
         )
-        return self._core.over_own_columns(), made.core, _recipe.to_json({"time": made.time})
+        return self._core.over_named_columns(), made.core, _recipe.to_json({"time": made.time})
 
 
 def _of_runs(beside: Any, count: int, what: str) -> Sequence[Any]:

@@ -87,7 +87,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.history_ = list(models.history)
         self.intercept_ = 0.0
         self.n_iter_ = max(models.iterations, 1)
-        self._told(models)
+        self._set_results(models)
         if self.verbose:
             self._print(X, y)
         return self
@@ -125,7 +125,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Models of targets (n_samples, n_targets)."""
         raise NotImplementedError
 
-    def _told(self, models: Any) -> None:
+    def _set_results(self, models: Any) -> None:
         """Warnings and attributes of a specific optimiser."""
 
     def _all_coefficients(self) -> NDArray[np.float64]:

@@ -89,10 +89,10 @@ class Parameters(Identifier):
         self.folds = folds
         super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
-    def _own_recipe(self) -> dict[str, Any]:
+    def _method_recipe(self) -> dict[str, Any]:
         compare = self._list("compare")
-        estimate = _recipe.said(
-            method=self._said("method"),
+        estimate = _recipe.without_none(
+            method=self._argument("method"),
             segment=self._whole("segment", 2),
             compare=None if compare is None else ",".join(f"`{name}`" for name in compare),
             folds=self._whole("folds", 0),

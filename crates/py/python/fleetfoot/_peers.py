@@ -117,7 +117,7 @@ def optimizer(given: Any) -> dict[str, Any]:
         _known(given, {"reg_weight_lam", "regularizer", "normalize_columns", "copy_X", "unbias"})
         if str(given.regularizer).lower() != "l0" or np.ndim(given.reg_weight_lam):
             raise _refused(given, "with another penalty than one number of l0 is not supported", "leave regularizer='L0'")
-        # What l0 drops, at nu = 1.
+        # Coefficients that l0 drops, at nu = 1.
         return {"optimizer": "sr3", "threshold": math.sqrt(2.0 * float(given.reg_weight_lam)), "normalize": normalize}
     if name == "SSR":
         _known(given, {"alpha", "normalize_columns", "copy_X"})
@@ -132,7 +132,7 @@ def optimizer(given: Any) -> dict[str, Any]:
     raise _refused(given, "is no optimiser that can be read", mend)
 
 
-#: What an entry of ``[sindy]`` is called in an optimiser object.
+#: Names of the entries of ``[sindy]`` in optimiser objects.
 SAYS = {
     "threshold": "threshold",
     "ridge": "alpha",
@@ -143,7 +143,7 @@ SAYS = {
     "ensemble": "n_models",
 }
 
-#: What says in this package what an option of an optimiser says there.
+#: Arguments of this package for the options of pysindy's optimisers.
 _MENDS = {
     "sparse_ind": "name the functions that stay: fixed={'x': ['1']}",
     "initial_guess": "leave initial_guess=None",

@@ -174,8 +174,8 @@ def selection_frequency(
     shares = shares[target] if shares.ndim == 2 else shares
     names = _names(bolasso, feature_names, len(shares))
     if threshold is None:
-        own = getattr(bolasso, "threshold", None)
-        threshold = float(own) if isinstance(own, (int, float)) else None
+        default = getattr(bolasso, "threshold", None)
+        threshold = float(default) if isinstance(default, (int, float)) else None
     order = np.argsort(-shares, kind="stable")[: max(1, most)]
     ax = axes_of(ax)
     chosen = shares[order] >= (threshold if threshold is not None else 1.0)

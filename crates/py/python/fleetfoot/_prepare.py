@@ -180,7 +180,7 @@ def prepare(
     >>> bool(np.std(table["x_dot"] - 3 * np.cos(3 * t)) < 0.15)  # 0.7 by central differences
     True
     """
-    prepared_recipe = _recipe.said(
+    prepared_recipe = _recipe.without_none(
         method=method,
         second_order=second_order,
         reject=reject,
@@ -203,13 +203,13 @@ def prepare(
     above: dict[str, Any] = {"prepare": prepared_recipe} if prepared_recipe else {}
     if channels:
         above["channels"] = {
-            name: {"lambda" if key == "lam" else key: value for key, value in said.items()}
-            for name, said in channels.items()
+            name: {"lambda" if key == "lam" else key: value for key, value in settings.items()}
+            for name, settings in channels.items()
         }
     if clocks:
-        above["clocks"] = {name: dict(said) for name, said in clocks.items()}
+        above["clocks"] = {name: dict(settings) for name, settings in clocks.items()}
     dataset = open_data(data, recipe=recipe)
-    text = _recipe.to_json(_recipe.say(above, _recipe.of_toml(dataset.recipe)))
+    text = _recipe.to_json(_recipe.override(above, _recipe.of_toml(dataset.recipe)))
     with reporting(progress) as callback:
         made = _core.prepare(dataset._core, text, Path(folder), force, callback)
     tell_all(made["notes"])

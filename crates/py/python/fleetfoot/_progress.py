@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 Callback: TypeAlias = Callable[[str, int, int], object]
-#: What ``progress=`` takes: nothing, ``True`` for a bar, or a function of the stage's name, the pieces done and the
+#: Values of ``progress=``: nothing, ``True`` for a bar, or a function of the stage's name, the pieces done and the
 #: pieces in all (0: unknown).
 Progress: TypeAlias = "bool | Callback | None"
 

@@ -173,36 +173,36 @@ class PWA(Identifier):
         super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _ports(self) -> str | None:
-        said = self._said("passive")
-        return ",".join(f"{force}:{speed}" for force, speed in said.items()) if isinstance(said, Mapping) else said
+        ports = self._argument("passive")
+        return ",".join(f"{force}:{speed}" for force, speed in ports.items()) if isinstance(ports, Mapping) else ports
 
-    def _own_recipe(self) -> dict[str, Any]:
-        model = _recipe.said(
-            predict=self._said("target"),
+    def _method_recipe(self) -> dict[str, Any]:
+        model = _recipe.without_none(
+            predict=self._argument("target"),
             degree=self._whole("degree", 1),
             lags=self._past(),
-            partition=partition(self._said("partition")),
+            partition=partition(self._argument("partition")),
             partition_on=self._list("partition_on"),
         )
         least = {"horizon": 1, "folds": 0, "seed": 0, "restarts": 1, "iterations": 1}
         memory = self._whole("memory", 1)
-        pwa = _recipe.said(
+        pwa = _recipe.without_none(
             **{name: self._whole(name, low) for name, low in least.items()},
-            select=self._said("select"),
-            objective=self._said("objective"),
+            select=self._argument("select"),
+            objective=self._argument("objective"),
             purge=self._real("purge"),
             shrinkage=self._real("shrinkage", "auto", "none"),
-            continuous=self._said("continuous"),
+            continuous=self._argument("continuous"),
             stable=self._real("stable"),
             passive=self._ports(),
-            phase=self._said("phase"),
-            unseen_labels=self._said("unseen_labels"),
-            outside=self._said("outside"),
+            phase=self._argument("phase"),
+            unseen_labels=self._argument("unseen_labels"),
+            outside=self._argument("outside"),
             # The recipe has MiB.
             memory=None if memory is None else memory / 2**20,
-            tsqr=self._said("tsqr"),
+            tsqr=self._argument("tsqr"),
         )
-        library = _recipe.said(radial=self._whole("radial", 1))
+        library = _recipe.without_none(radial=self._whole("radial", 1))
         sections = (("model", model), ("library", library), ("pwa", pwa))
         return {name: section for name, section in sections if section}
 

@@ -362,7 +362,7 @@ def _groups(groups: Any, rows: int) -> tuple[NDArray[np.intp] | None, list[int]]
         raise ValueError(f"groups.shape == {labels.shape}, expected {(rows,)}: one label a row")
     borders = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     runs = np.diff(np.concatenate([[0], borders, [rows]]))
-    found, inverse, counts = np.unique(labels, return_inverse=True, return_counts=True)
-    if len(found) == len(runs):
+    unique, inverse, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    if len(unique) == len(runs):
         return None, [int(length) for length in runs]
     return np.argsort(inverse, kind="stable"), [int(count) for count in counts]

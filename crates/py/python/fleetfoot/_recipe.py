@@ -78,15 +78,15 @@ def over(above: Mapping[str, Any], below: Mapping[str, Any]) -> Recipe:
 METHODS = tuple(section for section, _ in _core.settings())
 
 
-def say(arguments: Mapping[str, Any], recipe: Mapping[str, Any]) -> Recipe:
+def override(arguments: Mapping[str, Any], recipe: Mapping[str, Any]) -> Recipe:
     """``recipe`` with the caller's arguments above it, as with flags of the command line: an argument also removes
     contradicting entries."""
     settings = {name: arguments[name] for name in METHODS if name in arguments}
-    below: Mapping[str, Any] = json.loads(_core.say(to_json(settings), to_json(recipe))) if settings else recipe
+    below: Mapping[str, Any] = json.loads(_core.override_settings(to_json(settings), to_json(recipe))) if settings else recipe
     return over({name: value for name, value in arguments.items() if name not in settings}, below)
 
 
-def said(**entries: Any) -> Recipe:
+def without_none(**entries: Any) -> Recipe:
     """The entries that are set."""
     return {name: value for name, value in entries.items() if value is not None}
 

@@ -82,7 +82,7 @@ class Regulated:
             return None if named is None else ",".join(f"{name}={float(value)!r}" for name, value in named.items())
 
         ranges = ",".join(f"{name}={float(low)!r}:{float(high)!r}" for name, (low, high) in (limits or {}).items())
-        control = _recipe.said(
+        control = _recipe.without_none(
             setpoint=pairs(setpoint),
             q=pairs(q),
             r=pairs(r),

@@ -48,9 +48,9 @@ def correlations(
     text = _recipe.to_json(_recipe.of_toml(dataset.recipe))
     with reporting(progress) as callback:
         named = None if columns is None else names_of(columns)
-        found: dict[str, Any] = _core.correlations(dataset._core, text, named, callback)
-    tell_all(found["notes"])
-    return found
+        report: dict[str, Any] = _core.correlations(dataset._core, text, named, callback)
+    tell_all(report["notes"])
+    return report
 
 
 def lag_curve(
@@ -92,11 +92,11 @@ def lag_curve(
     dataset = open_data(data, recipe=recipe)
     text = _recipe.to_json(_recipe.of_toml(dataset.recipe))
     with reporting(progress) as callback:
-        found: dict[str, Any] = _core.lag_curve(
+        curve: dict[str, Any] = _core.lag_curve(
             dataset._core, text, reference, response, count("reach", reach, 1), callback
         )
-    tell_all(found["notes"])
-    return found
+    tell_all(curve["notes"])
+    return curve
 
 
 __all__ = ["correlations", "lag_curve"]

@@ -112,7 +112,7 @@ def _stamps(t: Any, count: int, rows: list[int]) -> tuple[list[np.ndarray[Any, A
     return stamps, None
 
 
-#: What may have been meant by stamps that are none.
+#: Hints for arrays that are no stamps.
 _MEANT = (
     "t are the times of the rows. Derivatives are x_dot=...; another target is a column, "
     "columns={'y': y} with target='y' (or take PWARegressor); several runs are a list of arrays"

@@ -221,21 +221,21 @@ class SINDy(Identifier):
         super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _derivative(self) -> Derivative:
-        given = self._said("derivative")
+        given = self._argument("derivative")
         method: Derivative = _one("derivative", given, "differentiation_method", self.differentiation_method)
         return method
 
-    def _own_recipe(self) -> dict[str, Any]:
+    def _method_recipe(self) -> dict[str, Any]:
         if self.discrete_time and self.target not in (None, "next"):
             raise RequestError(f"discrete_time=True predicts next values, and target={self.target!r} does not; leave one of them out")
-        model = _recipe.said(
-            predict="next" if self.discrete_time else self._said("target"),
-            partition=partition(self._said("partition")),
+        model = _recipe.without_none(
+            predict="next" if self.discrete_time else self._argument("target"),
+            partition=partition(self._argument("partition")),
             partition_on=self._list("partition_on"),
         )
-        items = _peers.library(_one("library", self._said("library"), "feature_library", self.feature_library))
+        items = _peers.library(_one("library", self._argument("library"), "feature_library", self.feature_library))
         recipe: dict[str, Any] = {"model": model, "sindy": self._section()}
-        recipe["library"] = _recipe.said(functions=items, radial=self._whole("radial", 1))
+        recipe["library"] = _recipe.without_none(functions=items, radial=self._whole("radial", 1))
         if self.constraints:
             recipe["constraints"] = {name: dict(section) for name, section in self.constraints.items()}
         if self.parameters:
@@ -262,32 +262,32 @@ class SINDy(Identifier):
 
     def _section(self) -> dict[str, Any]:
         """The entries of ``[sindy]``."""
-        said = _recipe.said(
+        entries = _recipe.without_none(
             threshold=self._real("threshold", "auto"),
             terms=self._whole("terms", 1),
             ridge=self._real("ridge"),
-            normalize=self._said("normalize"),
+            normalize=self._argument("normalize"),
             max_iterations=self._whole("max_iterations", 1),
             kappa=self._real("kappa"),
-            select=self._said("select"),
-            objective=self._said("objective"),
+            select=self._argument("select"),
+            objective=self._argument("objective"),
             weak=self._real("weak", "auto", "off"),
-            smooth_states=self._said("smooth_states"),
+            smooth_states=self._argument("smooth_states"),
             folds=self._text("folds"),
-            ensemble=self._said("ensemble"),
+            ensemble=self._argument("ensemble"),
             inclusion=self._real("inclusion"),
             groups=groups_of(self.groups),
             l1_ratio=self._real("l1_ratio"),
             seed=self._whole("seed", 0),
         )
-        given = _peers.optimizer(self._said("optimizer"))
-        twice = [name for name in said if name in given and said[name] != given[name]]
+        given = _peers.optimizer(self._argument("optimizer"))
+        twice = [name for name in entries if name in given and entries[name] != given[name]]
         if twice:
             raise RequestError(
-                f"{twice[0]}={said[twice[0]]!r}: the {type(self.optimizer).__name__} object says {given[twice[0]]!r} "
+                f"{twice[0]}={entries[twice[0]]!r}: the {type(self.optimizer).__name__} object says {given[twice[0]]!r} "
                 f"({_peers.SAYS[twice[0]]}); say it once"
             )
-        return _recipe.over(said, given)
+        return _recipe.over(entries, given)
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
         recipe = super()._roles(recipe, arrays)
@@ -329,7 +329,7 @@ class SINDy(Identifier):
         array or list of arrays
             In the shape of ``x``.
         """
-        model, derivative = self._found(), self._derivative()
+        model, derivative = self._fitted_model(), self._derivative()
         default = self.dt or model.dt
         if callable(derivative):
             slopes = differentiated(x, t, dt, default, derivative)
@@ -352,7 +352,7 @@ class SINDy(Identifier):
         """Names of all candidate functions, including the constant ``"1"``; the model keeps only the used ones."""
         if latent is not None:
             return super().get_feature_names(latent)
-        self._found()
+        self._fitted_model()
         return list(self.report_["candidates"])
 
     def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
@@ -374,7 +374,7 @@ class SINDy(Identifier):
         if latent is not None:
             return table
         place = {name: at for at, name in enumerate(self.report_["candidates"])}
-        names = self._found().get_feature_names()
+        names = self._fitted_model().get_feature_names()
         all_ = np.zeros((*table.shape[:-1], len(place)))
         for at, name in enumerate(names):
             if name in place:

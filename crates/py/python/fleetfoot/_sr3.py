@@ -188,7 +188,7 @@ class SR3(Optimizer):
         raw = {name: getattr(kept, name) / size for name in ("coefficients", "decided", "history", "relaxed")}
         return replace(kept, **raw)
 
-    def _told(self, models: Any) -> None:
+    def _set_results(self, models: Any) -> None:
         self.coef_full_ = models.relaxed
         if isinstance(models, Trimmed):
             self.trimming_array = models.shares

@@ -19,7 +19,7 @@ from ._values import count
 from ._warnings import tell_all
 from .exceptions import StatisticError
 
-#: What a recipe may be: a path, TOML text, or the same as a mapping.
+#: Forms of a recipe: a path, TOML text, or the same as a mapping.
 Recipe: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 
 

@@ -145,7 +145,7 @@ class STLSQ(Optimizer):
             guess,
         )
 
-    def _told(self, models: SparseModels) -> None:
+    def _set_results(self, models: SparseModels) -> None:
         before = [np.ones(len(self.coef_), dtype=bool)] + [h.any(axis=1) for h in self.history_[1:-1]]
         self._iters = int(sum(alive.sum() for alive in before))
         for _ in models.empty:

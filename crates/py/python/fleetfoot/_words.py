@@ -49,8 +49,8 @@ def _unparsed(whose: str, line: str, problem: str) -> str:
     key, _, text = line.partition(" = ")
     value = _value(text)
     where = "" if whose == "the arguments" else f"{whose}: "
-    for said in (f"{line}: ", f"{key}: "):
-        problem = problem.removeprefix(said)
+    for prefix in (f"{line}: ", f"{key}: "):
+        problem = problem.removeprefix(prefix)
     variant, kind = _VARIANT.match(problem), _TYPE.match(problem)
     if variant:
         names = [repr(name) for name in re.findall(r"`([^`]*)`", variant[3])]

@@ -128,7 +128,7 @@ def scan(
     return whole
 
 
-# What is scanned: the name of a run in memory and its table, or None and a path.
+# Item of a scan: the name of a run in memory and its table, or None and a path.
 Source = tuple["str | None", Any]
 
 
@@ -271,7 +271,7 @@ def _ray_is_up() -> bool:
     return ray is not None and bool(ray.is_initialized())
 
 
-#: What Dask raises when it has waited long enough, in all versions of Python.
+#: Errors of Dask after its timeout, in all versions of Python.
 TimeoutErrors = (TimeoutError, asyncio.TimeoutError)
 
 

@@ -88,7 +88,7 @@ class TooFewRowsError(RequestError, DataError):
 
     #: Rows that can be used.
     rows: int = 0
-    #: How many it takes at least.
+    #: Least number of rows.
     needed: int = 1
 
 

@@ -161,7 +161,7 @@ def _latent(model: Any, place: int, names: list[str]) -> dict[str, Any]:
     if place >= len(model.outputs):
         latent_entry: dict[str, Any] = content.latent(names[place])
         return latent_entry
-    latent = content.own_latent(content.fitted()[place])
+    latent = content.latent_of(content.fitted()[place])
     if latent is None:
         listed = ", ".join(names[len(model.outputs) :])
         raise ValueError(f"{names[place]} is a formula of {listed}; name one of these")

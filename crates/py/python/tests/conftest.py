@@ -1,4 +1,4 @@
-"""Where the peers were installed, a test that does without one has failed."""
+"""If the peers were installed, a test that skips one fails."""
 
 from __future__ import annotations
 

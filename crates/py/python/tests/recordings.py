@@ -1,4 +1,4 @@
-"""Where the recordings of real machines are: in ``FLEETFOOT_DATA``, else in ``shared/data`` beside the checkout."""
+"""Folder of the recordings of real machines: in ``FLEETFOOT_DATA``, else in ``shared/data`` beside the checkout."""
 
 from __future__ import annotations
 

@@ -37,15 +37,15 @@ def reversed_(values: np.ndarray) -> np.ndarray:
 
 
 def read_only(values: np.ndarray) -> np.ndarray:
-    found = values.copy()
-    found.flags.writeable = False
-    return found
+    copy = values.copy()
+    copy.flags.writeable = False
+    return copy
 
 
 def unaligned(values: np.ndarray) -> np.ndarray:
-    found = np.frombuffer(bytearray(values.nbytes + 1), dtype=np.uint8)[1:].view(float).reshape(values.shape)
-    found[...] = values
-    return found
+    shifted = np.frombuffer(bytearray(values.nbytes + 1), dtype=np.uint8)[1:].view(float).reshape(values.shape)
+    shifted[...] = values
+    return shifted
 
 
 def columns_of_a_frame(values: np.ndarray) -> Any:
@@ -121,19 +121,19 @@ DOORS: dict[str, Callable[[Any, Callable[[np.ndarray], Any]], Any]] = {
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("door", DOORS.values(), ids=DOORS)
-def test_every_door_of_a_model_reads_every_kind_of_array(model: Any, door: Any, kind: Any) -> None:
+def test_model_methods_read_every_array(model: Any, door: Any, kind: Any) -> None:
     expected = np.asarray(door(model, np.ascontiguousarray))
     assert np.isfinite(expected.astype(float)).all()
     np.testing.assert_array_equal(np.asarray(door(model, kind)), expected)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
-def test_rows_before_a_point_are_read_from_every_kind_of_array(autoregression: Any, kind: Any) -> None:
+def test_history_is_read_from_every_array(autoregression: Any, kind: Any) -> None:
     past = (X[:2], U[:2])
     expected = autoregression.step(X[2], U[2], history=past)
     assert not np.allclose(expected, autoregression.step(X[2], U[2], history=(X[:2].T.copy(), U[:2])))
-    found = autoregression.step(kind(X[2]), kind(U[2]), history=(kind(past[0]), kind(past[1])))
-    np.testing.assert_array_equal(found, expected)
+    stepped = autoregression.step(kind(X[2]), kind(U[2]), history=(kind(past[0]), kind(past[1])))
+    np.testing.assert_array_equal(stepped, expected)
 
 
 #: Fits on arrays, by what they find.
@@ -159,10 +159,10 @@ FITS: dict[str, Callable[[Callable[[np.ndarray], Any]], Any]] = {
 def test_every_fit_reads_every_kind_of_array(fit: Any, kind: Any) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        expected, found = np.asarray(fit(np.ascontiguousarray)), np.asarray(fit(kind))
+        expected, coefficients = np.asarray(fit(np.ascontiguousarray)), np.asarray(fit(kind))
     # scikit-learn's letter: answers in single precision where X is.
-    tolerance = 1e-4 if found.dtype == np.float32 else 1e-9
-    np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance)
+    tolerance = 1e-4 if coefficients.dtype == np.float32 else 1e-9
+    np.testing.assert_allclose(coefficients, expected, rtol=tolerance, atol=tolerance)
 
 
 def tables() -> dict[str, Callable[[np.ndarray, list[str]], Any]]:
@@ -193,15 +193,15 @@ def test_tables_give_states_and_inputs_by_their_names(model: Any, door: str, lib
     table = tables()[library]
 
     if door == "simulate":
-        found = model.simulate(table(X[:3], STATES), T[:5], table(U[:5], INPUTS))
+        result = model.simulate(table(X[:3], STATES), T[:5], table(U[:5], INPUTS))
         expected = model.simulate(X[:3], T[:5], U[:5])
     else:
-        found = getattr(model, door)(table(X, STATES), table(U, INPUTS))
+        result = getattr(model, door)(table(X, STATES), table(U, INPUTS))
         expected = getattr(model, door)(X, U)
     if door == "predict":
-        found = frame(found).matrix(list(model.outputs))
-    for own, other in zip(*([one] if isinstance(one, np.ndarray) else one for one in (expected, found)), strict=True):
-        np.testing.assert_array_equal(own, other)
+        result = frame(result).matrix(list(model.outputs))
+    for left, other in zip(*([one] if isinstance(one, np.ndarray) else one for one in (expected, result)), strict=True):
+        np.testing.assert_array_equal(left, other)
 
 
 def test_a_row_of_pandas_gives_states_by_name(model: Any) -> None:
@@ -223,11 +223,11 @@ def test_masked_values_are_missing_everywhere(model: Any) -> None:
     for values in (masked, whole, np.ma.masked_array(np.asfortranarray(hidden), mask=hidden == -999.0)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = ff.PWA(1).fit(values, T, x_dot=HALVES)
+            fitted = ff.PWA(1).fit(values, T, x_dot=HALVES)
             expected = ff.PWA(1).fit(missing, T, x_dot=HALVES)
             column = ff.PWA(1, target="y").fit(U, y=np.ma.masked_array(X[:, 0], mask=hidden[:, 0] == -999.0))
             without = ff.PWA(1, target="y").fit(U, y=missing[:, 0])
-        np.testing.assert_array_equal(found.coefficients(), expected.coefficients())
+        np.testing.assert_array_equal(fitted.coefficients(), expected.coefficients())
         np.testing.assert_array_equal(column.coefficients(), without.coefficients())
         rows = ff.read(ff.open({("q", "v"): values}, dt=DT), ["q", "v"])
         np.testing.assert_array_equal(np.column_stack([rows["q"], rows["v"]]), missing)
@@ -262,9 +262,9 @@ def test_durations_are_seconds_at_every_door(model: Any) -> None:
     np.testing.assert_allclose(model.simulate(X[0], tens, U), expected, rtol=1e-12)
     for period in (np.timedelta64(10, "ms"), datetime.timedelta(milliseconds=10)):
         np.testing.assert_array_equal(model.step(X, U, period), model.step(X, U, 0.01))
-        found = ff.PWA(1).fit(X, dt=period, u=U)
-        np.testing.assert_array_equal(found.coefficients(), ff.PWA(1).fit(X, dt=0.01, u=U).coefficients())
-        assert found.model_.dt == pytest.approx(0.01)
+        fitted = ff.PWA(1).fit(X, dt=period, u=U)
+        np.testing.assert_array_equal(fitted.coefficients(), ff.PWA(1).fit(X, dt=0.01, u=U).coefficients())
+        assert fitted.model_.dt == pytest.approx(0.01)
 
 
 def test_runs_of_tables_and_tables_beside_arrays_are_predicted(model: Any) -> None:
@@ -272,8 +272,8 @@ def test_runs_of_tables_and_tables_beside_arrays_are_predicted(model: Any) -> No
     both = pandas.DataFrame(np.hstack([X, U]), columns=[*STATES, *INPUTS])
     states = both[STATES]
     expected = model.predict(X, U)
-    for found in (*model.predict([both, both]), model.predict(states, U), model.predict([states], [U])[0]):
-        np.testing.assert_array_equal(found[list(model.outputs)].to_numpy(), expected)
+    for predicted in (*model.predict([both, both]), model.predict(states, U), model.predict([states], [U])[0]):
+        np.testing.assert_array_equal(predicted[list(model.outputs)].to_numpy(), expected)
     with pytest.raises(ff.exceptions.ModelError, match="no column `v`"):
         model.predict(both[["q", *INPUTS]], U)
     with pytest.raises(ff.exceptions.ModelError, match="list of as many for u"):

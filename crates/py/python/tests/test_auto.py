@@ -20,32 +20,32 @@ def _table(rows: int = 500) -> dict[str, np.ndarray]:
 
 
 def test_a_table_gives_a_model_and_a_folder(tmp_path):
-    found = ff.auto(ff.open(_table(), t="t"), effort="low", output=tmp_path / "model", export_c=True)
-    assert found.warning is None
-    assert len(found.sentences) == 5
-    assert "Fitted" in repr(found)
-    assert any("`u`" in note for note in found.notes)
-    state = found.tested[0]
+    result = ff.auto(ff.open(_table(), t="t"), effort="low", output=tmp_path / "model", export_c=True)
+    assert result.warning is None
+    assert len(result.sentences) == 5
+    assert "Fitted" in repr(result)
+    assert any("`u`" in note for note in result.notes)
+    state = result.tested[0]
     assert state["rmse"][0] < 0.01 * state["persistence"]
-    assert any(one["name"] == found.chosen for one in found.candidates)
+    assert any(one["name"] == result.chosen for one in result.candidates)
     written = json.loads((tmp_path / "model" / "auto.json").read_text())
-    assert written["chosen"] == found.chosen
+    assert written["chosen"] == result.chosen
     assert (tmp_path / "model" / "c" / "model.c").exists()
-    again = ff.auto(ff.open(_table(), t="t"), recipe=found.recipe)
-    assert again.model == found.model
+    again = ff.auto(ff.open(_table(), t="t"), recipe=result.recipe)
+    assert again.model == result.model
     with pytest.raises(ff.exceptions.FleetfootError, match="force"):
         ff.auto(ff.open(_table(), t="t"), output=tmp_path / "model")
 
 
 def test_names_choose_states_and_inputs():
-    found = ff.auto(ff.open(_table(), t="t"), states=["v"], inputs=["u"], effort="low", horizon=7)
-    assert found.horizon["steps"] == 7
+    result = ff.auto(ff.open(_table(), t="t"), states=["v"], inputs=["u"], effort="low", horizon=7)
+    assert result.horizon["steps"] == 7
 
 
-def test_noise_is_told():
+def test_noise_is_reported():
     noise = np.random.default_rng(0).normal(size=(2, 400))
     table = {"t": np.arange(400) * 0.01, "a": noise[0], "b": noise[1]}
     with pytest.warns(UserWarning, match="no model has a held-out error below"):
-        found = ff.auto(ff.open(table, t="t"), effort="low")
-    assert found.warning.startswith("no model has a held-out error below")
-    assert str(found).startswith("WARNING")
+        result = ff.auto(ff.open(table, t="t"), effort="low")
+    assert result.warning.startswith("no model has a held-out error below")
+    assert str(result).startswith("WARNING")

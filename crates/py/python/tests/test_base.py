@@ -81,7 +81,7 @@ print("fitted without", ff.LassoLarsCV(cv=4).fit(X.astype(float), y).alpha_)
 """
 
 
-def test_a_wrong_parameter_has_a_class_that_users_can_catch():
+def test_wrong_parameters_raise_parameter_error():
     assert issubclass(ff.exceptions.ParameterError, ValueError) and "ParameterError" in ff.exceptions.__all__
     with pytest.raises(ff.exceptions.ParameterError, match="n_clusters"):
         ff.KMeans(n_clusters=0).fit([[1.0], [2.0]])
@@ -90,15 +90,15 @@ def test_a_wrong_parameter_has_a_class_that_users_can_catch():
 def test_the_package_works_with_numpy_alone() -> None:
     given = [str(Path(path).resolve()) for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(given)}
-    found = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", WITHOUT], capture_output=True, text=True, env=environment, check=False
     )
-    assert found.returncode == 0, found.stderr
+    assert process.returncode == 0, process.stderr
     # The same answer as here, with scikit-learn's classes if it is installed.
     rng = np.random.default_rng(0)
     X = rng.normal(size=(60, 5)).astype(np.float32)
     y = X[:, 0] - 2 * X[:, 3] + 0.1 * rng.normal(size=60)
-    assert found.stdout.split()[-1] == str(ff.LassoLarsCV(cv=4).fit(X.astype(float), y).alpha_)
+    assert process.stdout.split()[-1] == str(ff.LassoLarsCV(cv=4).fit(X.astype(float), y).alpha_)
 
 
 class Estimator(_base.BaseEstimator):
@@ -114,7 +114,7 @@ class Plain(_plain.BaseEstimator):
 
 
 def checked(plain: bool, X: Any, y: Any = None, *, reset: bool = True, estimator: Any = None, **options: Any) -> Any:
-    """What either side makes of data."""
+    """Checked data of either library."""
     if plain:
         return _plain.validate_data(estimator or Plain(), X, y, reset=reset, **options)
     if y is None:
@@ -127,8 +127,8 @@ def test_arrays_of_floats_are_taken_as_they_are(plain: bool) -> None:
     for dtype in (np.float32, np.float64):
         for X in (np.ones((4, 3), dtype), np.asfortranarray(np.ones((4, 3), dtype)), np.ones((8, 6), dtype)[::2, ::2]):
             assert np.shares_memory(checked(plain, X), X)
-    found = checked(plain, [[1, 2], [3, 4]])
-    assert found.dtype == np.float64
+    array = checked(plain, [[1, 2], [3, 4]])
+    assert array.dtype == np.float64
 
 
 @pytest.mark.parametrize("plain", [False, True])
@@ -187,7 +187,7 @@ def test_parameters_by_name() -> None:
     assert repr(outer) == "Plain(inner=Plain(size=4), size=2)"
 
 
-def test_scores_are_those_of_scikit_learn() -> None:
+def test_scores_match_scikit_learn() -> None:
     metrics = pytest.importorskip("sklearn.metrics", reason="scikit-learn is not installed")
     rng = np.random.default_rng(1)
 
@@ -196,10 +196,10 @@ def test_scores_are_those_of_scikit_learn() -> None:
             return X
 
     for shape in [(20,), (20, 3)]:
-        truth, found, weight = rng.normal(size=shape), rng.normal(size=shape), rng.random(20)
+        truth, predicted, weight = rng.normal(size=shape), rng.normal(size=shape), rng.random(20)
         for w in (None, weight):
-            expected = metrics.r2_score(truth, found, sample_weight=w)
-            assert abs(Model().score(found, truth, w) - expected) < 1e-13
+            expected = metrics.r2_score(truth, predicted, sample_weight=w)
+            assert abs(Model().score(predicted, truth, w) - expected) < 1e-13
 
 
 def test_weights_and_seeds() -> None:
@@ -239,14 +239,14 @@ def test_rules_name_the_parameter() -> None:
         ("count", 0),
         ("flag", 1),
     ]:
-        with pytest.raises(ParameterError, match=f"'{name}' parameter of thing must be .* Got {value!r}") as found:
+        with pytest.raises(ParameterError, match=f"'{name}' parameter of thing must be .* Got {value!r}") as caught:
             check_params("thing", rules, **{**good, name: value})
-        assert isinstance(found.value, (ValueError, TypeError)) and isinstance(
-            found.value, ff.exceptions.FleetfootError
+        assert isinstance(caught.value, (ValueError, TypeError)) and isinstance(
+            caught.value, ff.exceptions.FleetfootError
         )
 
 
-def test_plain_folds_are_those_of_scikit_learn() -> None:
+def test_plain_folds_match_scikit_learn() -> None:
     selection = pytest.importorskip("sklearn.model_selection", reason="scikit-learn is not installed")
     X = np.zeros((23, 1))
     for cv in (None, 4, selection.ShuffleSplit(3, random_state=0), [(np.arange(5), np.arange(5, 23))]):
@@ -278,10 +278,10 @@ def test_folds_are_unions_of_groups() -> None:
     one, folds = fold_designs(X, y, splits)
     assert one is not None and all(held is one for held, _, _ in folds.folds)
     weight = rng.random(50)
-    for own, shared in zip(
+    for separate, shared in zip(
         fold_designs(X, y, [(np.r_[train, train[:1]], test) for train, test in splits])[1].folds,
         fold_designs(X, y, splits, weight)[1].folds,
     ):
-        assert own[0].shape[0] == 51 and shared[0].shape[0] == 50
+        assert separate[0].shape[0] == 51 and shared[0].shape[0] == 50
     errors = folds.folds[0][0].mean_squares(folds.folds[0][2], 0, np.zeros(3), np.zeros(1))
     assert abs(errors[0] - np.mean(y[held[0]] ** 2)) < 1e-14

@@ -53,7 +53,7 @@ def violation(
 @pytest.mark.parametrize("how", BOOTSTRAPS, ids=lambda how: how["bootstrap"])
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("positive", [False, True])
-def test_every_replicate_is_the_lasso_of_its_rows(how: dict[str, Any], weighted: bool, positive: bool) -> None:
+def test_replicates_are_lassos_of_their_rows(how: dict[str, Any], weighted: bool, positive: bool) -> None:
     X, Y = problem(2)
     weight = np.random.default_rng(1).uniform(0.2, 2.0, len(X)) if weighted else None
     model = fitted(X, Y, weight, alpha=[0.05, 3.0], positive=positive, **how)
@@ -62,8 +62,8 @@ def test_every_replicate_is_the_lasso_of_its_rows(how: dict[str, Any], weighted:
     counts = counts if weight is None else counts * weight
     for b in range(12):
         for k in range(2):
-            found = (model.coef_samples_[b, k], model.intercept_samples_[b, k], model.alpha_[k], positive)
-            assert violation(X, Y[:, k], counts[b], *found) < 1e-9
+            replicate = (model.coef_samples_[b, k], model.intercept_samples_[b, k], model.alpha_[k], positive)
+            assert violation(X, Y[:, k], counts[b], *replicate) < 1e-9
             assert not positive or (model.coef_samples_[b] >= 0.0).all()
     assert model.kkt_ < 1e-10
 
@@ -81,8 +81,8 @@ def test_replicates_of_many_features_are_lassos_of_their_rows(how: dict[str, Any
     model = ff.Bolasso(**options).fit(X, Y, weight, groups=groups)
     for b, counts in enumerate(model.resampling_counts() * weight):
         for k in range(2):
-            found = (model.coef_samples_[b, k], model.intercept_samples_[b, k], model.alpha_[k], options["positive"])
-            assert violation(X, Y[:, k], counts, *found) < 1e-8
+            replicate = (model.coef_samples_[b, k], model.intercept_samples_[b, k], model.alpha_[k], options["positive"])
+            assert violation(X, Y[:, k], counts, *replicate) < 1e-8
     assert model.kkt_ < 1e-9
     assert model.support_[1, 2] and not model.support_.all()
 
@@ -102,7 +102,7 @@ def test_every_replicate_is_that_of_scikit_learn(how: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("how", BOOTSTRAPS, ids=lambda how: how["bootstrap"])
 @pytest.mark.parametrize("weighted", [False, True])
-def test_what_is_kept_is_what_replicates_agree_on(how: dict[str, Any], weighted: bool) -> None:
+def test_support_holds_frequent_columns(how: dict[str, Any], weighted: bool) -> None:
     X, Y = problem(2)
     weight = np.random.default_rng(1).uniform(0.2, 2.0, len(X)) if weighted else None
     model = fitted(X, Y, weight, alpha=[0.05, 3.0], threshold=0.75, **how)
@@ -125,7 +125,7 @@ def test_what_is_kept_is_what_replicates_agree_on(how: dict[str, Any], weighted:
     np.testing.assert_allclose(model.predict(X), X @ model.coef_.T + model.intercept_)
 
 
-def test_targets_share_the_rows_that_are_drawn_and_nothing_else() -> None:
+def test_targets_share_only_drawn_rows() -> None:
     X, Y = problem(2)
     together = fitted(X, Y, alpha=[0.05, 3.0])
     for k, alpha in enumerate([0.05, 3.0]):
@@ -137,7 +137,7 @@ def test_targets_share_the_rows_that_are_drawn_and_nothing_else() -> None:
         np.testing.assert_allclose(together.coef_[k], alone.coef_, rtol=1e-9)
 
 
-def test_the_seed_decides_what_is_drawn() -> None:
+def test_seed_decides_drawn_rows() -> None:
     X, y = problem()
     first, second = (ff.Bolasso(n_estimators=40, alpha=0.05, random_state=seed).fit(X, y) for seed in (3, 4))
     again = ff.Bolasso(n_estimators=40, alpha=0.05, random_state=3).fit(np.asfortranarray(X), y)
@@ -176,7 +176,7 @@ def test_single_precision_and_values() -> None:
     np.testing.assert_array_equal(again.predict(X), model.predict(X))
 
 
-def test_what_is_wrong_is_said() -> None:
+def test_wrong_arguments_are_refused() -> None:
     X, y = problem()
     with pytest.raises(ValueError, match="groups"):
         ff.Bolasso(bootstrap="groups").fit(X, y)

@@ -60,61 +60,61 @@ def half(x, u):
     return 0.5 * truth(x, u)
 
 
-def test_errors_are_those_of_a_plain_computation(model, data):
+def test_errors_match_a_plain_computation(model, data):
     stats = pytest.importorskip("scipy.stats", reason="scipy is not installed")
-    found = ff.compare({"affine": model, "truth": truth, "half": half}, data)
-    assert found.models == ("affine", "truth", "half", "null", "persistence")
-    assert found.targets == ("d(q)/dt", "d(v)/dt") and found.groups == tuple(f"walk {i}" for i in range(6))
-    assert found.rows.tolist() == [397] * 6
-    own = {"truth": by_hand(truth), "half": by_hand(half), "affine": by_hand(lambda x, u: model.derivative(x, u))}
-    for name, wanted in own.items():
-        np.testing.assert_allclose(found.rmse[name], wanted, rtol=1e-9, err_msg=name)
-    for row in found.table:
-        place = found.targets.index(row["target"])
-        errors = found.rmse[row["model"]][:, place]
+    comparison = ff.compare({"affine": model, "truth": truth, "half": half}, data)
+    assert comparison.models == ("affine", "truth", "half", "null", "persistence")
+    assert comparison.targets == ("d(q)/dt", "d(v)/dt") and comparison.groups == tuple(f"walk {i}" for i in range(6))
+    assert comparison.rows.tolist() == [397] * 6
+    expected = {"truth": by_hand(truth), "half": by_hand(half), "affine": by_hand(lambda x, u: model.derivative(x, u))}
+    for name, wanted in expected.items():
+        np.testing.assert_allclose(comparison.rmse[name], wanted, rtol=1e-9, err_msg=name)
+    for row in comparison.table:
+        place = comparison.targets.index(row["target"])
+        errors = comparison.rmse[row["model"]][:, place]
         low, high = stats.t.interval(0.95, 5, loc=errors.mean(), scale=stats.sem(errors))
         np.testing.assert_allclose([row["rmse"], row["low"], row["high"]], [errors.mean(), low, high], rtol=1e-6)
         if row["model"] == "affine":
             assert np.isnan(row["difference"])
             continue
-        paired = errors - found.rmse["affine"][:, place]
+        paired = errors - comparison.rmse["affine"][:, place]
         low, high = stats.t.interval(0.95, 5, loc=paired.mean(), scale=stats.sem(paired))
         np.testing.assert_allclose([row["difference_low"], row["difference_high"]], [low, high], rtol=1e-6)
         assert row["better"] == np.mean(paired < 0)
-    worse = next(row for row in found.table if row["model"] == "half" and row["target"] == "d(v)/dt")
+    worse = next(row for row in comparison.table if row["model"] == "half" and row["target"] == "d(v)/dt")
     assert worse["difference_low"] > 0
 
 
 def test_baselines_are_the_mean_and_the_row_before(model, data):
-    found = ff.compare({"affine": model}, data)
+    comparison = ff.compare({"affine": model}, data)
     measured = []
     for seed in range(10, 16):
         x, _ = run(seed)
         measured.append((x[2:] - x[:-2]) / (2 * DT))
-    before = [np.sqrt(((own[1:] - own[:-1]) ** 2).mean(axis=0)) for own in measured]
-    np.testing.assert_allclose(found.rmse["persistence"], before, rtol=1e-9)
-    mean = np.concatenate([own[1:] for own in measured]).mean(axis=0)
-    null = [np.sqrt(((own[1:] - mean) ** 2).mean(axis=0)) for own in measured]
-    np.testing.assert_allclose(found.rmse["null"], null, rtol=1e-9)
+    before = [np.sqrt(((rates[1:] - rates[:-1]) ** 2).mean(axis=0)) for rates in measured]
+    np.testing.assert_allclose(comparison.rmse["persistence"], before, rtol=1e-9)
+    mean = np.concatenate([rates[1:] for rates in measured]).mean(axis=0)
+    null = [np.sqrt(((rates[1:] - mean) ** 2).mean(axis=0)) for rates in measured]
+    np.testing.assert_allclose(comparison.rmse["null"], null, rtol=1e-9)
 
 
-def test_rows_that_one_cannot_predict_are_left_out_of_all(model, data):
+def test_unpredicted_rows_are_left_out_of_all(model, data):
     def shy(x, u):
         out = truth(x, u)
         out[:100] = np.nan
         return out
 
-    found = ff.compare({"affine": model, "shy": shy}, data)
-    assert found.rows.tolist() == [299] * 6
+    comparison = ff.compare({"affine": model, "shy": shy}, data)
+    assert comparison.rows.tolist() == [299] * 6
     with pytest.raises(ValueError, match="shy predict none"):
         ff.compare({"affine": model, "shy": lambda x, u: np.full(x.shape, np.nan)}, data)
 
 
-def test_training_episodes_are_told(model, data):
+def test_training_episodes_are_reported(model, data):
     assert not ff.compare({"affine": model}, data).in_sample["affine"]
-    own = ff.open([table(0), table(10)], name=["run 0", "other"], recipe=RECIPE)
-    found = ff.compare({"affine": model}, own)
-    assert found.in_sample["affine"] == ["run 0"] and "trained on 1" in str(found)
+    episodes = ff.open([table(0), table(10)], name=["run 0", "other"], recipe=RECIPE)
+    comparison = ff.compare({"affine": model}, episodes)
+    assert comparison.in_sample["affine"] == ["run 0"] and "trained on 1" in str(comparison)
 
 
 def test_recordings_put_their_episodes_together(model):
@@ -133,11 +133,11 @@ def test_recordings_put_their_episodes_together(model):
 
 
 def test_tables_of_text(model, data):
-    found = ff.compare({"K_1": model, "half": half}, data)
-    assert str(found).count("\n") >= 5 and "±" in str(found) and "paired by episode" in str(found)
-    markdown = found.to_markdown().splitlines()
+    comparison = ff.compare({"K_1": model, "half": half}, data)
+    assert str(comparison).count("\n") >= 5 and "±" in str(comparison) and "paired by episode" in str(comparison)
+    markdown = comparison.to_markdown().splitlines()
     assert len(markdown) == 2 + 4 and all(line.count("|") == 6 for line in markdown)
-    latex = found.to_latex()
+    latex = comparison.to_latex()
     assert latex.startswith(r"\begin{tabular}{lrrrr}") and r"K\_1" in latex and latex.count(r"\\") == 5
     assert latex.count("&") == 5 * 4
 
@@ -154,7 +154,7 @@ def test_tables_of_text(model, data):
     ],
 )
 def test_mistakes_are_named(model, data, models, options, says):
-    models = {name: model if own == "model" else own for name, own in models.items()}
+    models = {name: model if choice == "model" else choice for name, choice in models.items()}
     with pytest.raises(ValueError, match=says):
         ff.compare(models, data, **options)
     with pytest.raises(TypeError, match="int"):
@@ -167,13 +167,13 @@ def test_two_defaults_agree_on_how_targets_are_measured():
     data = ff.open([{"x0": run[:, 0], "x1": run[:, 1]} for run in runs[2:]], dt=0.05)
     pwa, sindy = (one.fit(runs[:2], dt=0.05) for one in (ff.PWA(), ff.SINDy(derivative="central6")))
     with pytest.warns(ff.FleetfootWarning, match="sindy was fitted to other differences; its targets are measured as pwa"):
-        found = ff.compare({"pwa": pwa, "sindy": sindy}, data)
+        comparison = ff.compare({"pwa": pwa, "sindy": sindy}, data)
     # Central differences of a sine of frequency w fall short by (w dt)^2 / 6; those of sixth order do not.
     short = 1.0 - np.sin(0.1) / 0.1
     amplitude = np.array([0.4, 1.2])
-    assert np.allclose(found.rmse["sindy"][:, 0], 2.0 * short * amplitude / np.sqrt(2.0), rtol=0.05)
-    assert (found.rmse["pwa"] < 1e-6).all() and str(found).endswith(found.notes[0])
-    assert f"<p>{html.escape(found.notes[0])}</p>" in found._repr_html_()
+    assert np.allclose(comparison.rmse["sindy"][:, 0], 2.0 * short * amplitude / np.sqrt(2.0), rtol=0.05)
+    assert (comparison.rmse["pwa"] < 1e-6).all() and str(comparison).endswith(comparison.notes[0])
+    assert f"<p>{html.escape(comparison.notes[0])}</p>" in comparison._repr_html_()
     # A column that somebody gives is another quantity.
     given = ff.PWA().fit(runs[:2], dt=0.05, x_dot=[np.gradient(run, 0.05, axis=0) for run in runs[:2]])
     table = [

@@ -63,7 +63,7 @@ def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
     assert [name.rsplit("/", 1)[-1] for name in files] == ["law.h", "law.c", "law_test.c"]
 
 
-def test_what_is_wrong_is_named(mass):
+def test_wrong_arguments_are_named(mass):
     with pytest.raises(ff.exceptions.ModelError, match="did you mean"):
         mass.lqr({"xx": 1.0})
     assert mass.lqr({"x": 1.0}, drive="u", free="x").to_json() == mass.lqr({"x": 1.0}, drive=["u"], free=["x"]).to_json()

@@ -102,7 +102,7 @@ def test_targets_share_nothing_but_the_pass() -> None:
 
 
 @pytest.mark.parametrize("max_iter", [1, 2, 1000])
-def test_the_gap_bounds_what_is_left_to_gain(max_iter: int) -> None:
+def test_gap_bounds_the_suboptimality(max_iter: int) -> None:
     X, y = problem(30, 60, seed=3)
 
     def objective(model: Any) -> float:
@@ -141,7 +141,7 @@ def test_a_warm_start_saves_the_sweeps() -> None:
 
 
 @pytest.mark.parametrize("weighted", [False, True])
-def test_a_given_gram_matrix_is_used_where_it_fits(weighted: bool) -> None:
+def test_given_gram_matrix_is_used(weighted: bool) -> None:
     X, y = problem()
     weight = np.random.default_rng(0).uniform(0.5, 2.0, len(X)) if weighted else None
     centred = X - np.average(X, axis=0, weights=weight)
@@ -163,7 +163,7 @@ def test_a_given_gram_matrix_is_used_where_it_fits(weighted: bool) -> None:
         ff.Lasso(precompute=np.eye(3)).fit(X, y)
 
 
-def test_what_is_not_supported_names_itself() -> None:
+def test_unsupported_options_are_named() -> None:
     X, y = problem()
     sparse = pytest.importorskip("scipy.sparse", reason="scipy, which makes sparse matrices, is not installed")
     for model in (ff.Bolasso(), ff.GroupLasso()):
@@ -204,11 +204,11 @@ def test_sparse_rows_are_the_dense_ones(name: str, form: str, shape: tuple[int, 
     make = SPARSE_MODELS[name]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        dense, found = make().fit(X, y), make().fit(lying, y)
-    np.testing.assert_array_equal(found.coef_, dense.coef_)
-    np.testing.assert_array_equal(found.intercept_, dense.intercept_)
-    np.testing.assert_allclose(found.predict(lying), dense.predict(X), rtol=1e-12, atol=1e-12)
-    assert found.score(lying, y) == pytest.approx(dense.score(X, y))
+        dense, fitted = make().fit(X, y), make().fit(lying, y)
+    np.testing.assert_array_equal(fitted.coef_, dense.coef_)
+    np.testing.assert_array_equal(fitted.intercept_, dense.intercept_)
+    np.testing.assert_allclose(fitted.predict(lying), dense.predict(X), rtol=1e-12, atol=1e-12)
+    assert fitted.score(lying, y) == pytest.approx(dense.score(X, y))
 
 
 def test_paths_of_sparse_rows() -> None:
@@ -217,9 +217,9 @@ def test_paths_of_sparse_rows() -> None:
     X, y = few_values(90, 8)
     for path in (ff.lasso_path, ff.enet_path):
         for target in (y, np.c_[y, y[::-1]]):
-            dense, found = (path(form(X), target, alphas=5) for form in (np.asarray, sparse.csc_array))
+            dense, sparse_path = (path(form(X), target, alphas=5) for form in (np.asarray, sparse.csc_array))
             # The products of several targets' squares are summed by scipy.
-            for a, b in zip(found, dense):
+            for a, b in zip(sparse_path, dense):
                 np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-13)
 
 
@@ -256,7 +256,7 @@ def task_violation(
 
 @pytest.mark.parametrize("l1_ratio", [1.0, 0.6])
 @pytest.mark.parametrize("shape", [(60, 12), (20, 40)])
-def test_the_path_of_several_targets_is_that_of_the_multi_task_penalty(l1_ratio: float, shape: tuple[int, int]) -> None:
+def test_path_of_several_targets_is_multi_task(l1_ratio: float, shape: tuple[int, int]) -> None:
     X, Y = problem(*shape, targets=3)
     alphas, coefs, gaps, sweeps = ff.enet_path(X, Y, l1_ratio=l1_ratio, alphas=6, return_n_iter=True)
     assert coefs.shape == (3, shape[1], 6) and gaps.shape == (6,) and len(sweeps) == 6
@@ -275,7 +275,7 @@ def test_the_path_of_several_targets_is_that_of_the_multi_task_penalty(l1_ratio:
 
 @pytest.mark.parametrize("shape", [(1400, 530), (700, 530)])
 def test_one_solution_of_many_features_is_optimal(shape: tuple[int, int]) -> None:
-    """Where one solution is wanted, the products of all features are not formed."""
+    """A single solution does not form the products of all features."""
     X, y = problem(*shape)
     weight = np.random.default_rng(2).uniform(0.0, 2.0, len(y))
     for alpha in (0.5, 0.05):
@@ -345,19 +345,19 @@ def linear_model() -> Any:
 
 
 def cases() -> dict[str, tuple[NDArray[Any], NDArray[Any]]]:
-    found = {"tall": problem(200, 15), "wide": problem(40, 100, seed=5)}
+    problems = {"tall": problem(200, 15), "wide": problem(40, 100, seed=5)}
     try:
         from sklearn.datasets import load_diabetes
     except ImportError:
-        return found
-    found["diabetes"] = load_diabetes(return_X_y=True)
-    return found
+        return problems
+    problems["diabetes"] = load_diabetes(return_X_y=True)
+    return problems
 
 
 @pytest.mark.parametrize("case", ["tall", "wide", "diabetes"])
 @pytest.mark.parametrize("options", [{}, {"positive": True}, {"fit_intercept": False}], ids=str)
 @pytest.mark.parametrize("name", ["Lasso", "ElasticNet"])
-def test_coefficients_are_those_of_scikit_learn(case: str, options: dict[str, Any], name: str) -> None:
+def test_coefficients_match_scikit_learn(case: str, options: dict[str, Any], name: str) -> None:
     peer = linear_model()
     X, y = cases()[case]
     weight = np.random.default_rng(9).uniform(0.2, 2.0, len(y))
@@ -373,7 +373,7 @@ def test_coefficients_are_those_of_scikit_learn(case: str, options: dict[str, An
 
 @pytest.mark.parametrize("name", ["lasso_path", "enet_path"])
 @pytest.mark.parametrize("positive", [False, True])
-def test_paths_are_those_of_scikit_learn(name: str, positive: bool) -> None:
+def test_paths_match_scikit_learn(name: str, positive: bool) -> None:
     peer = linear_model()
     X, y = problem(80, 20, seed=4)
     options = {"alphas": 30, "eps": 1e-2, "positive": positive}
@@ -447,7 +447,7 @@ def test_one_task_is_the_multi_task_solution() -> None:
     np.testing.assert_allclose(ours.coef_, theirs.coef_[0], rtol=0, atol=1e-8 * np.abs(ours.coef_).max())
 
 
-def test_signatures_are_those_of_scikit_learn() -> None:
+def test_signatures_match_scikit_learn() -> None:
     import inspect
 
     peer = linear_model()
@@ -456,5 +456,5 @@ def test_signatures_are_those_of_scikit_learn() -> None:
         assert list(ours) == list(theirs), name
         for parameter in ours:
             # scikit-learn spells some switches as 0.
-            found, wanted = ours[parameter], theirs[parameter]
-            assert (found.default, found.kind) == (wanted.default, wanted.kind)
+            parsed, wanted = ours[parameter], theirs[parameter]
+            assert (parsed.default, parsed.kind) == (wanted.default, wanted.kind)

@@ -37,8 +37,8 @@ def estimators(**options: Any) -> dict[str, Callable[[Any], Any]]:
 
 
 def alphas_of(model: Any) -> NDArray[Any]:
-    found: NDArray[Any] = model.cv_alphas_ if hasattr(model, "cv_alphas_") else model.alphas_
-    return found
+    alphas: NDArray[Any] = model.cv_alphas_ if hasattr(model, "cv_alphas_") else model.alphas_
+    return alphas
 
 
 # -- groups of rows
@@ -47,11 +47,11 @@ def alphas_of(model: Any) -> NDArray[Any]:
 def test_neighbours_need_no_lists() -> None:
     for n, k in [(10, 2), (23, 4), (1000, 7), (300, 256), (5, 5)]:
         splitter = ff._base.check_cv(k)
-        found, wanted = neighbour_groups(splitter, n), fold_groups(neighbours(n, k), n)
-        assert found is not None and wanted is not None
+        without_lists, wanted = neighbour_groups(splitter, n), fold_groups(neighbours(n, k), n)
+        assert without_lists is not None and wanted is not None
         # Names differ, what they mean does not.
         for fold, (train, test) in enumerate(neighbours(n, k)):
-            for groups in (found, wanted):
+            for groups in (without_lists, wanted):
                 assert np.array_equal(np.flatnonzero(np.isin(groups.labels, groups.trains[fold])), train)
                 assert np.array_equal(np.flatnonzero(np.isin(groups.labels, groups.tests[fold])), test)
     assert neighbour_groups(ff._base.check_cv(300), 1000) is None
@@ -80,8 +80,8 @@ def test_shuffled_and_repeated_folds_are_groups() -> None:
         else:
             every = np.arange(60)
             lists = [(every[train], every[test]) for train, test in ff._base.check_cv(splitter).split(X, y)]
-        found, wanted = (ff.LassoCV(cv=cv, alphas=6).fit(X, y).mse_path_ for cv in (splitter, lists))
-        np.testing.assert_array_equal(found, wanted)
+        errors, wanted = (ff.LassoCV(cv=cv, alphas=6).fit(X, y).mse_path_ for cv in (splitter, lists))
+        np.testing.assert_array_equal(errors, wanted)
         order = np.random.default_rng(0).permutation(60)
         shuffled = [(order[np.isin(order, train)], order[np.isin(order, test)]) for train, test in lists]
         np.testing.assert_array_equal(ff.LassoCV(cv=shuffled, alphas=6).fit(X, y).mse_path_, wanted)
@@ -106,7 +106,7 @@ def test_shuffled_and_repeated_folds_are_groups() -> None:
         ((1_500, 520), 1e-4, 2.0, 1e-6),
     ],
 )
-def test_errors_are_those_of_the_held_out_rows(
+def test_errors_match_the_held_out_rows(
     name: str, shape: tuple[int, int], noise: float, far: float, tolerance: float
 ) -> None:
     X, y = rows_of(*shape, noise=noise, far=far)
@@ -164,15 +164,15 @@ def test_the_order_of_rows_within_folds_does_not_matter(name: str, shape: tuple[
 @pytest.mark.parametrize("shape", [(90, 6), (60_000, 30), (40, 70), (1_300, 530)])
 def test_the_bits_do_not_depend_on_the_threads(name: str, shape: tuple[int, int]) -> None:
     X, y = rows_of(*shape, seed=3)
-    found = []
+    results = []
     for threads in (1, 3):
         ff.set_threads(threads)
         try:
             model = estimators()[name](3).fit(X, y)
         finally:
             ff.set_threads(0)
-        found.append((model.coef_.tobytes(), model.mse_path_.tobytes(), alphas_of(model).tobytes(), model.alpha_))
-    assert found[0] == found[1]
+        results.append((model.coef_.tobytes(), model.mse_path_.tobytes(), alphas_of(model).tobytes(), model.alpha_))
+    assert results[0] == results[1]
 
 
 @pytest.mark.parametrize("shape", [(90, 6), (60_000, 30), (40, 70), (1_300, 530)])
@@ -191,7 +191,7 @@ def test_units_of_the_target_scale_the_answer(shape: tuple[int, int], factor: fl
 
 
 @pytest.mark.parametrize("shape", [(90, 6), (60_000, 30)])
-def test_a_weight_of_two_is_a_row_that_stands_twice(shape: tuple[int, int]) -> None:
+def test_weight_of_two_equals_repeated_row(shape: tuple[int, int]) -> None:
     X, y = rows_of(*shape, seed=5)
     weight = np.random.default_rng(6).integers(0, 3, len(y)).astype(float)
     weight[0] = 1.0
@@ -216,9 +216,9 @@ def test_layouts_and_types_give_one_answer(name: str, shape: tuple[int, int]) ->
     wide = np.zeros((2 * len(y), 3 * X.shape[1]))
     wide[::2, 1::3] = X
     for other in (np.asfortranarray(X), wide[::2, 1::3], X[::-1].copy()[::-1]):
-        found = estimators()[name](4).fit(other, y)
-        np.testing.assert_array_equal(found.mse_path_, plain.mse_path_)
-        np.testing.assert_array_equal(found.coef_, plain.coef_)
+        fitted = estimators()[name](4).fit(other, y)
+        np.testing.assert_array_equal(fitted.mse_path_, plain.mse_path_)
+        np.testing.assert_array_equal(fitted.coef_, plain.coef_)
     single = estimators()[name](4).fit(X.astype(np.float32), y.astype(np.float32))
     np.testing.assert_allclose(single.mse_path_, plain.mse_path_, rtol=1e-12)
     assert single.coef_.dtype == np.float32
@@ -234,7 +234,7 @@ SHAPES = [(50, 5), (400, 3), (2_000, 20), (20_000, 50), (60, 60), (300, 1_000), 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 @pytest.mark.parametrize("name", ["LassoCV", "ElasticNetCV"])
-def test_descents_are_those_of_scikit_learn(name: str, shape: tuple[int, int]) -> None:
+def test_descents_match_scikit_learn(name: str, shape: tuple[int, int]) -> None:
     peer = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, the peer, is not installed")
     X, y = rows_of(*shape, seed=8)
     options: dict[str, Any] = {"cv": 3, "alphas": 8, "eps": 3e-2}
@@ -252,7 +252,7 @@ def test_descents_are_those_of_scikit_learn(name: str, shape: tuple[int, int]) -
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_paths_are_those_of_scikit_learn(shape: tuple[int, int]) -> None:
+def test_paths_match_scikit_learn(shape: tuple[int, int]) -> None:
     peer = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, the peer, is not installed")
     X, y = rows_of(*shape, seed=9)
     ours, theirs = (module.LassoLarsCV(cv=3, max_iter=40).fit(X, y) for module in (ff, peer))

@@ -53,16 +53,16 @@ def bits(table):
     return out
 
 
-def same(found, wanted):
-    found, wanted = bits(found), bits(wanted)
-    assert list(found) == list(wanted)
+def same(table, wanted):
+    table, wanted = bits(table), bits(wanted)
+    assert list(table) == list(wanted)
     for name in wanted:
         if name == "episode":
             # Episodes are called as their file or table; which rows are together must agree.
-            borders = [np.flatnonzero(one[1:] != one[:-1]) for one in (found[name], wanted[name])]
+            borders = [np.flatnonzero(one[1:] != one[:-1]) for one in (table[name], wanted[name])]
             np.testing.assert_array_equal(*borders)
         else:
-            np.testing.assert_array_equal(found[name], wanted[name], err_msg=name)
+            np.testing.assert_array_equal(table[name], wanted[name], err_msg=name)
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +80,8 @@ def chunked(table, size):
 
 def through_duckdb():
     duckdb = pytest.importorskip("duckdb", reason="duckdb is not installed")
-    own = pa.table(columns())  # noqa: F841 - duckdb finds it by its name
-    return duckdb.sql("select * from own")
+    arrow_table = pa.table(columns())  # noqa: F841 - duckdb finds it by its name
+    return duckdb.sql("select * from arrow_table")
 
 
 def through_pandas():
@@ -128,22 +128,22 @@ def backwards(values):
 
 @pytest.mark.parametrize("layout", [np.asarray, strided, backwards], ids=["contiguous", "strided", "backwards"])
 def test_arrays_give_the_bits_of_the_file(layout, wanted):
-    found = ff.read({name: layout(values) for name, values in numbers().items()}, NAMES[:-1])
-    for name in found.columns[1:]:
-        np.testing.assert_array_equal(found[name], wanted[name], err_msg=name)
+    read = ff.read({name: layout(values) for name, values in numbers().items()}, NAMES[:-1])
+    for name in read.columns[1:]:
+        np.testing.assert_array_equal(read[name], wanted[name], err_msg=name)
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 def test_matrices_of_any_order(order, kind):
     x = np.asarray(np.random.default_rng(1).normal(size=(300, 4)), dtype=kind, order=order)
-    found = ff.read(ff.open(x, dt=0.01))
+    read = ff.read(ff.open(x, dt=0.01))
     for place in range(4):
-        np.testing.assert_array_equal(found[f"x{place}"], x[:, place].astype(np.float64))
-    np.testing.assert_array_equal(found["stamp"].astype(np.int64), np.arange(300) * 10_000_000)
+        np.testing.assert_array_equal(read[f"x{place}"], x[:, place].astype(np.float64))
+    np.testing.assert_array_equal(read["stamp"].astype(np.int64), np.arange(300) * 10_000_000)
 
 
-def test_where_says_which_rows_are_used():
+def test_where_selects_rows():
     t = np.arange(300) * 0.01
     mode = np.where(np.arange(300) % 100 < 60, "walk", "stand")
     log = {"t": t, "x": np.cos(3 * t), "armed": (t > 1).astype(np.int8), "mode": mode.tolist()}
@@ -169,9 +169,9 @@ def test_models_of_tables_and_files_are_the_same_bits(tmp_path):
         "pyarrow": ff.open(chunked(pa.table(data), 501), recipe=recipe),
         "numpy": ff.open(data, recipe=recipe),
     }
-    found = {name: ff.PWA().fit(data).model_.coefficients() for name, data in fits.items()}
-    for name, coefficients in found.items():
-        np.testing.assert_array_equal(coefficients, found["file"], err_msg=name)
+    coefficients_of = {name: ff.PWA().fit(data).model_.coefficients() for name, data in fits.items()}
+    for name, coefficients in coefficients_of.items():
+        np.testing.assert_array_equal(coefficients, coefficients_of["file"], err_msg=name)
 
 
 def test_times_of_every_type():
@@ -186,10 +186,10 @@ def test_times_of_every_type():
     for unit, table in [(unit, table) for unit in ("ms", "us") for table in (pa.table, dict)]:
         coarse = stamps.astype(f"datetime64[{unit}]")
         when = pa.array(coarse) if table is pa.table else coarse
-        found = ff.read(table({"when": when, "x": x}), ["x", "when"], t="when")
-        np.testing.assert_array_equal(found["stamp"], coarse)
+        read = ff.read(table({"when": when, "x": x}), ["x", "when"], t="when")
+        np.testing.assert_array_equal(read["stamp"], coarse)
         # As a value a time is its seconds.
-        np.testing.assert_allclose(found["when"], coarse.astype(np.int64) * {"ms": 1e-3, "us": 1e-6}[unit], rtol=1e-15)
+        np.testing.assert_allclose(read["when"], coarse.astype(np.int64) * {"ms": 1e-3, "us": 1e-6}[unit], rtol=1e-15)
     zoned = pa.table({"when": pa.array(stamps).cast(pa.timestamp("ns", "Europe/Berlin")), "x": x})
     np.testing.assert_array_equal(ff.read(zoned, ["x"], t="when")["stamp"].astype(np.int64), wanted)
     spans = pa.table({"when": pa.array(np.arange(50) * np.timedelta64(20, "ms")), "x": x})
@@ -211,13 +211,13 @@ def test_decimals_halves_and_structs(tmp_path):
             "pose": pa.array(pose, pa.struct([("x", pa.float64()), ("y", pa.struct([("z", pa.int64())]))])),
         }
     )
-    found = ff.read(table, ["price", "half", "pose.x", "pose.y.z"])
-    np.testing.assert_array_equal(found["price"], [1.25, np.nan, -3.75])
-    np.testing.assert_array_equal(found["half"], [0.5, 1.5, -2.0])
-    np.testing.assert_array_equal(found["pose.x"], [1.0, np.nan, 3.0])
-    np.testing.assert_array_equal(found["pose.y.z"], [2.0, np.nan, np.nan])
+    read = ff.read(table, ["price", "half", "pose.x", "pose.y.z"])
+    np.testing.assert_array_equal(read["price"], [1.25, np.nan, -3.75])
+    np.testing.assert_array_equal(read["half"], [0.5, 1.5, -2.0])
+    np.testing.assert_array_equal(read["pose.x"], [1.0, np.nan, 3.0])
+    np.testing.assert_array_equal(read["pose.y.z"], [2.0, np.nan, np.nan])
     pq.write_table(table, tmp_path / "a.parquet")
-    same(found, ff.read(tmp_path / "a.parquet", ["price", "half", "pose.x", "pose.y.z"]))
+    same(read, ff.read(tmp_path / "a.parquet", ["price", "half", "pose.x", "pose.y.z"]))
 
 
 def test_units_come_along():
@@ -228,7 +228,7 @@ def test_units_come_along():
     assert ff.read(table, ["v"]).units["v"] == "m/s"
 
 
-def test_what_cannot_be_read_is_refused_when_it_is_asked_for():
+def test_unreadable_columns_are_refused_on_request():
     table = pa.table({"t": [0.0, 0.1], "x": [1.0, 2.0], "many": [[1, 2], [3]]})
     assert ff.read(table, ["x"])["x"].tolist() == [1.0, 2.0]
     with pytest.raises(ff.exceptions.DataError, match="many"):
@@ -280,8 +280,8 @@ def test_recipes_in_every_form(tmp_path):
     path = tmp_path / "robot.toml"
     path.write_text(text)
     data = {"t": np.arange(3.0), "x": np.zeros(3)}
-    found = [ff.open(data, recipe=one).recipe for one in (recipe, text, path, str(path))]
-    assert found == [text] * 4
+    recipes = [ff.open(data, recipe=one).recipe for one in (recipe, text, path, str(path))]
+    assert recipes == [text] * 4
     assert "dt = 0.5" in ff.open(data, recipe=text, dt=0.5).recipe
     assert ff.open(data).recipe == ""
     both = ff.open(data, name="a", recipe=text) + ff.open(data, name="b")
@@ -335,9 +335,9 @@ def test_two_parts_of_a_quaternion_are_joined_as_four(tmp_path):
 def test_lists_of_runs_with_their_clocks():
     runs = [np.random.default_rng(i).normal(size=(20 + i, 2)) for i in range(3)]
     stamps = [np.arange(20 + i) * 0.1 for i in range(3)]
-    found = ff.read(ff.open(runs, t=stamps))
-    assert list(dict.fromkeys(found["episode"])) == ["run 0", "run 1", "run 2"]
-    np.testing.assert_array_equal(found["x1"], np.concatenate([run[:, 1] for run in runs]))
+    read = ff.read(ff.open(runs, t=stamps))
+    assert list(dict.fromkeys(read["episode"])) == ["run 0", "run 1", "run 2"]
+    np.testing.assert_array_equal(read["x1"], np.concatenate([run[:, 1] for run in runs]))
 
 
 ZERO_COPY = """
@@ -377,7 +377,7 @@ def test_tables_are_not_copied(kind):
     assert float(run.stdout) < 0.6, f"memory grew by {run.stdout.strip()} tables"
 
 
-def test_memory_outlives_its_names():
+def test_data_keep_their_arrays_alive():
     opened = ff.open(pl.DataFrame({"t": np.arange(1000.0), "x": np.arange(1000.0) * 2}))
     arrays = ff.open({"t": np.arange(1000.0), "x": np.arange(1000.0) * 2})
     gc.collect()
@@ -387,9 +387,9 @@ def test_memory_outlives_its_names():
     assert len(junk) == 50
 
 
-def test_progress_is_told_and_stops():
-    told = []
-    ff.read({"t": np.arange(300_000.0), "x": np.zeros(300_000)}, ["x"], progress=lambda *all: told.append(all))
-    assert all(isinstance(stage, str) and done >= 0 and total >= 0 for stage, done, total in told)
+def test_progress_is_reported_and_stops():
+    reports = []
+    ff.read({"t": np.arange(300_000.0), "x": np.zeros(300_000)}, ["x"], progress=lambda *all: reports.append(all))
+    assert all(isinstance(stage, str) and done >= 0 and total >= 0 for stage, done, total in reports)
     pytest.importorskip("tqdm", reason="tqdm is not installed")
     assert len(ff.read({"t": np.arange(10.0)}, progress=True)) == 10

@@ -1,4 +1,4 @@
-"""What a first call says is right, or refused: simulations, optimiser objects, stamps, missing values, constants."""
+"""Results of a first call are right, or refused: simulations, optimiser objects, stamps, missing values, constants."""
 
 from __future__ import annotations
 
@@ -49,29 +49,29 @@ def exact():
 def notes_of(call):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = call()
-    return found, [str(one.message) for one in caught if issubclass(one.category, ff.FleetfootWarning)]
+        result = call()
+    return result, [str(one.message) for one in caught if issubclass(one.category, ff.FleetfootWarning)]
 
 
 # -- simulations
 
 
-def test_a_coarse_grid_is_simulated_as_exactly_as_a_fine_one(exact):
+def test_coarse_grid_is_simulated_exactly(exact):
     coarse = np.arange(0, 3.01, 0.1)
     truth = follow(slope, (-8.0, 8.0, 27.0), coarse, 2000)
-    found = exact.simulate([-8.0, 8.0, 27.0], coarse)
-    assert np.abs(found - truth).max() < 1e-4
+    simulated = exact.simulate([-8.0, 8.0, 27.0], coarse)
+    assert np.abs(simulated - truth).max() < 1e-4
     # Equal steps are those of the sampling period where no more is said; one an interval is another system.
     assert np.abs(exact.simulate([-8.0, 8.0, 27.0], coarse, method="rk4") - truth).max() < 1e-3
     assert np.abs(exact.simulate([-8.0, 8.0, 27.0], coarse, method="rk4", substeps=1) - truth).max() > 1.0
     loose = np.abs(exact.simulate([-8.0, 8.0, 27.0], coarse, rtol=1e-4) - truth).max()
-    assert np.abs(found - truth).max() < loose < 0.1
+    assert np.abs(simulated - truth).max() < loose < 0.1
     many = exact.simulate([[-8.0, 8.0, 27.0], [1.0, 1.0, 1.0]], coarse)
-    assert np.array_equal(many[0], found)
+    assert np.array_equal(many[0], simulated)
     assert np.array_equal(exact.model_.simulate([1.0, 1.0, 1.0], coarse), many[1])
 
 
-def test_inputs_of_time_are_asked_at_every_sampling_period():
+def test_inputs_of_time_are_sampled_every_period():
     t = np.arange(1000) * 0.01
     u = np.sin(9 * t)
     x = np.zeros(len(t))
@@ -84,13 +84,13 @@ def test_inputs_of_time_are_asked_at_every_sampling_period():
     closed = fit.simulate([0.0], coarse, lambda time, state: np.sin(9 * time))[:, 0]
     np.testing.assert_allclose(closed, x[places], atol=1e-6)
     lines = fit.simulate([0.0], t, u, interpolate=True)[places, 0]
-    found = fit.simulate([0.0], coarse, lambda time: np.sin(9 * time))[:, 0]
-    np.testing.assert_allclose(found, lines, atol=1e-6)
+    simulated = fit.simulate([0.0], coarse, lambda time: np.sin(9 * time))[:, 0]
+    np.testing.assert_allclose(simulated, lines, atol=1e-6)
     exact = (2 * np.sin(9 * coarse) - 9 * np.cos(9 * coarse) + 9 * np.exp(-2 * coarse)) / 85
-    assert np.abs(found - exact).max() < 1e-4 < 3e-3 < np.abs(closed - exact).max()
+    assert np.abs(simulated - exact).max() < 1e-4 < 3e-3 < np.abs(closed - exact).max()
 
 
-def test_what_goes_by_rows_is_simulated_on_its_own_grid_only():
+def test_discrete_models_keep_their_grid():
     t = np.arange(400) * 0.02
     x = np.cos(t)
     discrete = ff.SINDy(discrete_time=True, library="poly(1)").fit(np.column_stack([x, -np.sin(t)]), t).model_
@@ -126,10 +126,10 @@ def test_options_of_a_simulation_take_effect_or_are_refused(exact, options, word
 # -- optimisers
 
 
-def same_support(own, peer):
-    found, expected = own.coefficients(), peer.coefficients()
-    assert np.array_equal(found != 0, expected != 0), (own.equations(3), expected)
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+def same_support(fitted, peer):
+    coefficients, expected = fitted.coefficients(), peer.coefficients()
+    assert np.array_equal(coefficients != 0, expected != 0), (fitted.equations(3), expected)
+    np.testing.assert_allclose(coefficients, expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("whose", ["ours", "theirs"])
@@ -146,7 +146,7 @@ def same_support(own, peer):
         ("STLSQ", {"threshold": 100.0, "normalize_columns": True}),
     ],
 )
-def test_an_optimiser_object_does_what_it_does_in_pysindy(options, whose):
+def test_optimiser_objects_match_pysindy(options, whose):
     ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
     t, x, x_dot = lorenz(4.0)
     # Without noise, the ratios of superfluous terms are rounding, and so is their order.
@@ -158,8 +158,8 @@ def test_an_optimiser_object_does_what_it_does_in_pysindy(options, whose):
         warnings.simplefilter("ignore")
         peer = ps.SINDy(optimizer=getattr(ps, name)(**parameters), feature_library=ps.PolynomialLibrary(2))
         peer.fit(x, t=t, x_dot=x_dot)
-        own = ff.SINDy(optimizer=getattr(module, name)(**parameters), library="poly(2)").fit(x, t, x_dot)
-    same_support(own, peer)
+        fitted = ff.SINDy(optimizer=getattr(module, name)(**parameters), library="poly(2)").fit(x, t, x_dot)
+    same_support(fitted, peer)
 
 
 def test_elimination_and_ensembles_of_pysindy_are_optimisers():
@@ -197,7 +197,7 @@ def test_forward_regression_of_the_lorenz_system_is_sparse():
         ({"optimizer": ff.FROLS(), "terms": 3}, "terms=3.*10.*max_iter"),
     ],
 )
-def test_what_an_optimiser_object_says_is_not_dropped(arguments, words):
+def test_options_of_optimiser_objects_are_kept(arguments, words):
     t, x, x_dot = lorenz(0.5)
     with pytest.raises(RequestError, match=words):
         ff.SINDy(**arguments).fit(x, t, x_dot)
@@ -222,7 +222,7 @@ def test_a_target_is_no_clock(estimator):
         estimator.fit(x, np.zeros(100_000))
 
 
-def test_what_the_message_says_can_be_done():
+def test_remedy_in_the_message_works():
     rng = np.random.default_rng(0)
     x = rng.uniform(-1, 1, size=(500, 2))
     fit = ff.SINDy(target="y", library="poly(2)").fit(x, dt=0.01, columns={"y": 3 * x[:, 0] * x[:, 1]})
@@ -238,7 +238,7 @@ def test_clocks_that_repeat_a_stamp_are_clocks():
 
 
 @pytest.mark.parametrize("estimator", [ff.SINDy, ff.PWA, ff.BlockSparse])
-def test_an_episode_a_row_is_refused_before_it_costs_anything(estimator):
+def test_one_row_episodes_are_refused_early(estimator):
     """Every stamp backward, in a table, where a backward stamp begins an episode."""
     resource = pytest.importorskip("resource", reason="there are no limits of memory to read here")
     rows = 200_000
@@ -262,9 +262,9 @@ def test_rows_left_out_are_counted_and_placed(estimator, bad):
     x = x.copy()
     x[500:503, 1] = bad
     _, notes = notes_of(lambda: estimator.fit(x, t))
-    told = [note for note in notes if "left out" in note]
-    assert len(told) == 1 and "missing value" in told[0], notes
-    assert "`x1` in row 501 of run 0" in told[0] and int(told[0].split()[0]) >= 3
+    counts = [note for note in notes if "left out" in note]
+    assert len(counts) == 1 and "missing value" in counts[0], notes
+    assert "`x1` in row 501 of run 0" in counts[0] and int(counts[0].split()[0]) >= 3
     _, notes = notes_of(lambda: estimator.fit(lorenz(2.0)[1], t))
     assert not any("left out" in note for note in notes)
 
@@ -281,7 +281,7 @@ def test_constant_states_are_refused_by_name(value, discrete):
         ff.SINDy(library="poly(1)", discrete_time=discrete).fit(rows, t)
 
 
-def test_a_constant_output_is_refused_and_one_that_rests_for_a_while_is_not():
+def test_constant_output_is_refused():
     rng = np.random.default_rng(1)
     u = rng.normal(size=2000)
     y = np.zeros(2000)
@@ -306,7 +306,7 @@ def test_block_sparse_finds_the_lorenz_system():
 
 
 @pytest.mark.parametrize("kind", ["array", "table"])
-def test_a_model_of_next_rows_tells_of_uneven_stamps(kind):
+def test_discrete_models_report_uneven_stamps(kind):
     random = np.random.default_rng(0)
     even = np.arange(400) * 0.01
     uneven = even + random.uniform(-0.004, 0.004, 400)
@@ -314,11 +314,11 @@ def test_a_model_of_next_rows_tells_of_uneven_stamps(kind):
     def notes(estimator, t):
         x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
         if kind == "array":
-            found = notes_of(lambda: estimator.fit(x, t))[1]
+            messages = notes_of(lambda: estimator.fit(x, t))[1]
         else:
             pandas = pytest.importorskip("pandas", reason="pandas is not installed")
-            found = notes_of(lambda: estimator.fit(pandas.DataFrame({"t": t, "a": x[:, 0], "b": x[:, 1]})))[1]
-        return [note for note in found if "uneven" in note]
+            messages = notes_of(lambda: estimator.fit(pandas.DataFrame({"t": t, "a": x[:, 0], "b": x[:, 1]})))[1]
+        return [note for note in messages if "uneven" in note]
 
     for discrete in (ff.PWA(target="next"), ff.SINDy(discrete_time=True), ff.NARX(2)):
         assert len(notes(discrete, uneven)) == 1 and not notes(discrete, even)

@@ -76,8 +76,8 @@ def revive(client: Any) -> None:
 
 
 def workers(client: Any) -> dict[str, int]:
-    found: dict[str, int] = client.run(os.getpid)
-    return found
+    processes: dict[str, int] = client.run(os.getpid)
+    return processes
 
 
 def kill(process: int) -> None:
@@ -108,10 +108,10 @@ def test_dask_gives_the_bytes_of_one_machine(
     dask: Any, plan: ff.Plan, files: list[str], alone: ff.Stats, batch: int
 ) -> None:
     seen: list[tuple[str, int, int]] = []
-    found = ff.distributed.scan(
-        plan, files, dask, keys="aircraft={dir1}", batch=batch, progress=lambda *told: seen.append(told)
+    statistic = ff.distributed.scan(
+        plan, files, dask, keys="aircraft={dir1}", batch=batch, progress=lambda *progress: seen.append(progress)
     )
-    assert found.to_bytes() == alone.to_bytes()
+    assert statistic.to_bytes() == alone.to_bytes()
     tasks = -(-len(files) // batch)
     total = tasks + -(-tasks // 8) + (tasks > 8)
     # A group of one is not merged.
@@ -119,11 +119,11 @@ def test_dask_gives_the_bytes_of_one_machine(
 
 
 def test_dask_freezes_the_plan_of_a_recipe(dask: Any, files: list[str]) -> None:
-    found = ff.distributed.scan(fleet.SHARED, files[:5], backend="dask")
-    assert found == ff.scan(fleet.SHARED, files[:5])
+    statistic = ff.distributed.scan(fleet.SHARED, files[:5], backend="dask")
+    assert statistic == ff.scan(fleet.SHARED, files[:5])
 
 
-def test_what_dask_skips_is_told(dask: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
+def test_dask_reports_copies_of_files(dask: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="left out: .*copy.csv: the same content as .*flight_0.csv"):
         ff.distributed.scan(plan, [files[0], files[-2]], dask)
     # The same rows in another file are refused, as on one machine.
@@ -158,13 +158,13 @@ def test_a_dask_worker_killed_in_the_middle_loses_nothing(
     before = workers(dask)
     victim = sorted(before.values())[0]
     once = Once(lambda: kill(victim))
-    found = ff.distributed.scan(plan, files, dask, keys="aircraft={dir1}", progress=once)
-    assert once.at is not None and found.to_bytes() == alone.to_bytes()
+    statistic = ff.distributed.scan(plan, files, dask, keys="aircraft={dir1}", progress=once)
+    assert once.at is not None and statistic.to_bytes() == alone.to_bytes()
     revive(dask)
     assert victim not in workers(dask).values()
 
 
-def test_a_dask_worker_that_dies_under_a_task_loses_nothing(dask: Any, plan: ff.Plan, tmp_path: Path) -> None:
+def test_dying_dask_worker_loses_nothing(dask: Any, plan: ff.Plan, tmp_path: Path) -> None:
     delayed = pytest.importorskip("dask").delayed
     runs = [fleet.run(70 + 9 * k, 3.0 * k) for k in range(6)]
     marker = str(tmp_path / "died")
@@ -177,8 +177,8 @@ def test_a_dask_worker_that_dies_under_a_task_loses_nothing(dask: Any, plan: ff.
             os._exit(1)
         return run
 
-    found = ff.distributed.scan(plan, [*runs[:3], delayed(fatal)(runs[3]), *runs[4:]], dask)
-    assert os.path.exists(marker) and found.to_bytes() == ff.scan(plan, runs).to_bytes()
+    statistic = ff.distributed.scan(plan, [*runs[:3], delayed(fatal)(runs[3]), *runs[4:]], dask)
+    assert os.path.exists(marker) and statistic.to_bytes() == ff.scan(plan, runs).to_bytes()
     revive(dask)
 
 
@@ -194,8 +194,8 @@ def test_all_dask_workers_restarted_in_the_middle_lose_nothing(
         revive(dask)
 
     once = Once(restart)
-    found = ff.distributed.scan(plan, files, dask, keys="aircraft={dir1}", progress=once)
-    assert once.at is not None and found.to_bytes() == alone.to_bytes()
+    statistic = ff.distributed.scan(plan, files, dask, keys="aircraft={dir1}", progress=once)
+    assert once.at is not None and statistic.to_bytes() == alone.to_bytes()
     assert not before & set(workers(dask).values())
 
 
@@ -210,7 +210,7 @@ def small_dask() -> Iterator[tuple[Any, Any]]:
         yield cluster, client
 
 
-def test_a_dask_cluster_whose_workers_are_gone_names_the_missing_files(
+def test_dask_without_workers_names_missing_files(
     small_dask: Any, plan: ff.Plan, files: list[str]
 ) -> None:
     cluster, client = small_dask
@@ -247,7 +247,7 @@ def test_files_that_kill_every_dask_worker_are_named(small_dask: Any, plan: ff.P
         ff.distributed.scan(plan, [runs[0], dask.delayed(fatal)(runs[1])], client)
 
 
-def test_what_a_dask_worker_raises_is_raised_here(dask: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
+def test_dask_workers_errors_are_raised_here(dask: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
     broken = tmp_path / "broken.csv"
     broken.write_text("t,x,v\n0,1,2\n1,2,3\n")
     with pytest.raises((RequestError, DataError), match="b|a"):
@@ -277,12 +277,12 @@ def test_ctrl_c_stops_a_scan_on_dask(dask: Any, plan: ff.Plan, files: list[str])
 @pytest.mark.filterwarnings("ignore:left out")
 def test_ray_gives_the_bytes_of_one_machine(ray: Any, plan: ff.Plan, files: list[str], alone: ff.Stats) -> None:
     seen: list[tuple[str, int, int]] = []
-    found = ff.distributed.scan(plan, files, ray, keys="aircraft={dir1}", progress=lambda *told: seen.append(told))
-    assert found.to_bytes() == alone.to_bytes()
+    statistic = ff.distributed.scan(plan, files, ray, keys="aircraft={dir1}", progress=lambda *progress: seen.append(progress))
+    assert statistic.to_bytes() == alone.to_bytes()
     assert seen[-1][1] == seen[-1][2] > len(files)
 
 
-def test_ray_is_found_where_it_is_initialised(ray: Any, plan: ff.Plan) -> None:
+def test_initialised_ray_is_recognised(ray: Any, plan: ff.Plan) -> None:
     runs = [fleet.run(70 + 9 * k, 3.0 * k) for k in range(4)]
     references = [ray.put(run) for run in runs]
     assert ff.distributed.scan(plan, references).to_bytes() == ff.scan(plan, runs).to_bytes()
@@ -291,7 +291,7 @@ def test_ray_is_found_where_it_is_initialised(ray: Any, plan: ff.Plan) -> None:
 
 def ray_workers() -> set[int]:
     """Processes of this machine that run a task of ours on Ray."""
-    found = set()
+    processes = set()
     for process in Path("/proc").iterdir():
         if process.name.isdigit():
             try:
@@ -299,8 +299,8 @@ def ray_workers() -> set[int]:
             except OSError:
                 continue
             if command.startswith(b"ray::") and b"signed" in command:
-                found.add(int(process.name))
-    return found
+                processes.add(int(process.name))
+    return processes
 
 
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="finds the workers in /proc")
@@ -322,14 +322,14 @@ def test_a_ray_worker_killed_in_the_middle_loses_nothing(ray: Any, plan: ff.Plan
     hunter = threading.Thread(target=hunt)
     hunter.start()
     try:
-        found = ff.distributed.scan(plan, paths, ray)
+        statistic = ff.distributed.scan(plan, paths, ray)
     finally:
         over.set()
         hunter.join()
-    assert killed and found.to_bytes() == ff.scan(plan, paths).to_bytes()
+    assert killed and statistic.to_bytes() == ff.scan(plan, paths).to_bytes()
 
 
-def test_a_ray_worker_that_dies_under_a_task_loses_nothing(ray: Any, plan: ff.Plan, tmp_path: Path) -> None:
+def test_dying_ray_worker_loses_nothing(ray: Any, plan: ff.Plan, tmp_path: Path) -> None:
     runs = [fleet.run(70 + 9 * k, 3.0 * k) for k in range(4)]
     marker = str(tmp_path / "died")
 
@@ -347,11 +347,11 @@ def test_a_ray_worker_that_dies_under_a_task_loses_nothing(ray: Any, plan: ff.Pl
 
             return rebuild, (dict(self),)
 
-    found = ff.distributed.scan(plan, [*runs[:3], Fatal(runs[3])], ray)
-    assert os.path.exists(marker) and found.to_bytes() == ff.scan(plan, runs).to_bytes()
+    statistic = ff.distributed.scan(plan, [*runs[:3], Fatal(runs[3])], ray)
+    assert os.path.exists(marker) and statistic.to_bytes() == ff.scan(plan, runs).to_bytes()
 
 
-def test_a_ray_task_that_no_worker_takes_names_the_missing_files(ray: Any, plan: ff.Plan, files: list[str]) -> None:
+def test_pending_ray_task_names_missing_files(ray: Any, plan: ff.Plan, files: list[str]) -> None:
     class Idle:
         """A cluster whose workers are gone: nothing ever ends."""
 
@@ -375,7 +375,7 @@ def test_a_ray_task_that_no_worker_takes_names_the_missing_files(ray: Any, plan:
         cluster._wait(None, pending, watch)
 
 
-def test_what_a_ray_worker_raises_is_raised_here(ray: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
+def test_ray_workers_errors_are_raised_here(ray: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
     broken = tmp_path / "broken.csv"
     broken.write_text("t,x,v\n0,1,2\n1,2,3\n")
     with pytest.raises((RequestError, DataError)):

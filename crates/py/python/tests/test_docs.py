@@ -28,11 +28,11 @@ def pages() -> list[Path]:
 
 
 def there_is(name: str, folder: Path) -> bool:
-    """Whether there is a package, or a recording, which is then linked into the folder. What the tests' requirements have must be there with them."""
+    """True if a package, or a recording, is there; a recording is then linked into the folder. Packages of the tests' requirements must be there with them."""
     if "." not in name:
-        found = importlib.util.find_spec(name) is not None
-        assert found or not INSTALLED, f"{name} is absent, but the peers were installed (FLEETFOOT_PEERS)"
-        return found
+        present = importlib.util.find_spec(name) is not None
+        assert present or not INSTALLED, f"{name} is absent, but the peers were installed (FLEETFOOT_PEERS)"
+        return present
     recordings = Path(os.environ.get("FLEETFOOT_DATA") or ROOT.parent / "shared" / "data")
     if recordings.is_dir() and not (folder / name).exists():
         (folder / name).symlink_to(recordings / name)
@@ -44,14 +44,14 @@ def run(text: str, place: str, line: int, names: dict[str, object]) -> None:
         exec(compile("\n" * line + text, place, "exec"), names)
         return
     test = doctest.DocTestParser().get_doctest(text, names, place, place, line)
-    said: list[str] = []
+    output: list[str] = []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
-    runner.run(test, out=said.append, clear_globs=False)
+    runner.run(test, out=output.append, clear_globs=False)
     names.update(test.globs)
-    assert not said, "".join(said)
+    assert not output, "".join(output)
 
 
-def test_pages_are_found_and_wrong_output_is_seen():
+def test_wrong_output_of_pages_fails():
     assert {"README.md", "tutorial.md"} <= {page.name for page in pages()}
     with pytest.raises(AssertionError, match="Got"):
         run(">>> 1 + 1\n3\n", "page", 1, {})
@@ -64,9 +64,9 @@ def test_page(page, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     names: dict[str, object] = {"__name__": "__main__"}
     text = page.read_text()
-    for found in BLOCK.finditer(text):
-        above, indentation, block = found.groups()
+    for match in BLOCK.finditer(text):
+        above, indentation, block = match.groups()
         if not all(there_is(name, tmp_path) for name in NEEDS.findall(above)):
             continue
-        own = "".join(line.removeprefix(indentation) for line in block.splitlines(keepends=True))
-        run(own, str(page), text[: found.start(3)].count("\n"), names)
+        code = "".join(line.removeprefix(indentation) for line in block.splitlines(keepends=True))
+        run(code, str(page), text[: match.start(3)].count("\n"), names)

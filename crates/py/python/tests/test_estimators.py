@@ -47,24 +47,24 @@ ids = {"ids": lambda one: (one if isinstance(one, type) else type(one)).__name__
 # -- parameters
 
 
-@pytest.mark.parametrize("found", CLASSES, **ids)
-def test_defaults_are_those_that_the_commands_tell(found):
+@pytest.mark.parametrize("estimator_class", CLASSES, **ids)
+def test_defaults_match_the_command_reference(estimator_class):
     command, section = {
         ff.SINDy: ("sindy", "sindy"),
         ff.PWA: ("pwa", "pwa"),
         ff.NARX: ("narx", "narx"),
         ff.BlockSparse: ("sparse", "sparse"),
-    }[found]
+    }[estimator_class]
     reference = (CHECKOUT / "docs" / "reference" / "cli.md").read_text()
-    own = reference.split(f"## fleetfoot fit {command}\n")[1].split("\n## ")[0].replace("\n  ", " ")
-    told = {flag.replace("-", "_"): text for flag, text in re.findall(r"^- `(?:-\w, )?--([\w-]+).*?default: (.*?)(?:[;,)]|\.(?!\d))", own, re.M)}
-    params, compared = found().get_params(), 0
+    options = reference.split(f"## fleetfoot fit {command}\n")[1].split("\n## ")[0].replace("\n  ", " ")
+    defaults = {flag.replace("-", "_"): text for flag, text in re.findall(r"^- `(?:-\w, )?--([\w-]+).*?default: (.*?)(?:[;,)]|\.(?!\d))", options, re.M)}
+    params, compared = estimator_class().get_params(), 0
     for entry in dict(_core.settings())[section]:
         value = params[{"lambda": "lam"}.get(entry, entry)]
         if value is None:
-            # What depends on the data or on other arguments.
+            # Defaults that depend on the data or on other arguments.
             continue
-        wanted = told[entry].strip()
+        wanted = defaults[entry].strip()
         if entry == "memory":
             wanted, value = float(wanted), value / 2**20
         assert str(value).lower() == str(wanted).lower() or float(value) == float(wanted), entry
@@ -72,16 +72,16 @@ def test_defaults_are_those_that_the_commands_tell(found):
     assert compared >= 6
 
 
-@pytest.mark.parametrize("found", CLASSES, **ids)
-def test_every_default_stands_in_the_documentation(found):
-    for name, value in found().get_params().items():
-        written = re.search(rf"^    (?:[\w, ]+, )?{name}(?:, \w+)* : (.*)$", found.__doc__, re.M)
+@pytest.mark.parametrize("estimator_class", CLASSES, **ids)
+def test_every_default_stands_in_the_documentation(estimator_class):
+    for name, value in estimator_class().get_params().items():
+        written = re.search(rf"^    (?:[\w, ]+, )?{name}(?:, \w+)* : (.*)$", estimator_class.__doc__, re.M)
         assert written, f"{name} is not documented"
         if isinstance(value, (str, int, float)) and not isinstance(value, bool):
             assert "default=" in written[1], f"{name} : {written[1]}"
 
 
-def test_an_argument_at_its_default_leaves_the_recipe_its_word():
+def test_default_arguments_keep_the_recipe():
     t, x, _ = oscillation(0.0)
     recipe = {"pwa": {"folds": 3}, "model": {"degree": 2}}
     assert "folds = 3" in ff.PWA(recipe=recipe).fit(x, t).model_.recipe
@@ -101,7 +101,7 @@ def test_parameters_of_objects_are_set_by_their_path():
 
 
 @pytest.mark.parametrize("estimator", small(), **ids)
-def test_before_a_fit_there_is_nothing(estimator):
+def test_unfitted_estimators_raise(estimator):
     base = pytest.importorskip("sklearn.exceptions", reason="scikit-learn is not installed")
     for call in (
         lambda: estimator.predict(np.zeros((3, 2))),
@@ -141,17 +141,17 @@ def test_recordings_among_the_parameters_are_cloned_and_pickled(tmp_path):
 # -- targets and clocks
 
 
-def test_targets_are_no_stamps_by_keyword_or_with_a_clock():
+def test_targets_are_no_stamps():
     t, x, x_dot = oscillation(0.0)
     wanted = ff.SINDy(library="poly(1)").fit(x, t, x_dot)
-    for found in (
+    for fitted in (
         ff.SINDy(library="poly(1)").fit(x, t, y=x_dot),
         ff.SINDy(library="poly(1)").fit(x, dt=PERIOD, y=x_dot),
         ff.SINDy(library="poly(1)", dt=PERIOD).fit(x, x_dot),
         ff.SINDy(library="poly(1)", dt=PERIOD).fit(x, y=x_dot),
     ):
-        np.testing.assert_allclose(found.coefficients(), wanted.coefficients(), atol=1e-12)
-        assert found.score(x, y=x_dot) == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(fitted.coefficients(), wanted.coefficients(), atol=1e-12)
+        assert fitted.score(x, y=x_dot) == pytest.approx(1.0, abs=1e-12)
     # The keyword t is a clock, whatever the constructor says.
     clocked = ff.SINDy(library="poly(1)", dt=1.0).fit(x, t=t, x_dot=x_dot)
     np.testing.assert_allclose(clocked.coefficients(), wanted.coefficients(), atol=1e-12)
@@ -164,12 +164,12 @@ def test_targets_are_no_stamps_by_keyword_or_with_a_clock():
 
 
 @pytest.mark.parametrize("discrete", [{"discrete_time": True}, {"target": "delta"}], ids=["next", "delta"])
-def test_next_values_say_where_runs_end(discrete):
+def test_next_values_respect_run_ends(discrete):
     x = np.vstack(runs(3))
     lengths = [300, 300, 300]
-    own = [x[sum(lengths[:k]) : sum(lengths[: k + 1])] for k in range(3)]
-    wanted = ff.SINDy(library="poly(1)", **discrete).fit(own)
-    before, after = np.vstack([run[:-1] for run in own]), np.vstack([run[1:] for run in own])
+    separate = [x[sum(lengths[:k]) : sum(lengths[: k + 1])] for k in range(3)]
+    wanted = ff.SINDy(library="poly(1)", **discrete).fit(separate)
+    before, after = np.vstack([run[:-1] for run in separate]), np.vstack([run[1:] for run in separate])
     y = after - before if "target" in discrete else after
     given = ff.SINDy(library="poly(1)", dt=1.0, **discrete).fit(before, y)
     assert given.report_["rows"] == wanted.report_["rows"] == 897
@@ -193,8 +193,8 @@ def test_next_values_with_inputs():
     for estimator in (ff.SINDy(library="poly(1)", discrete_time=True), ff.PWA(target="next"), ff.NARX(1, 1, 1, direct=False, terms="all")):
         for rows in (np.arange(399), order)[: 1 if isinstance(estimator, ff.NARX) else 2]:
             estimator.fit(x[:-1][rows], y=x[1:][rows], u=u[:-1][rows])
-            found = dict(zip(estimator.get_feature_names(), estimator.coefficients()[0]))
-            assert found["x0"] == pytest.approx(0.8) and found["u0"] == pytest.approx(0.5)
+            coefficients = dict(zip(estimator.get_feature_names(), estimator.coefficients()[0]))
+            assert coefficients["x0"] == pytest.approx(0.8) and coefficients["u0"] == pytest.approx(0.5)
             assert estimator.report_["notes"] == []
     with pytest.raises(ValueError, match="u has other rows"):
         estimator.fit(x[:-1], y=x[1:], u=u)
@@ -244,14 +244,14 @@ def test_episodes_are_the_samples_of_cross_validation(estimator):
     assert scores.shape == (3,) and (scores > 0.999).all()
     # The same by hand.
     for score, (train, test) in zip(scores, selection.GroupKFold(3).split(x, groups=[0, 0, 1, 1, 2, 2])):
-        own = copy.deepcopy(estimator).fit([x[k] for k in train])
-        assert own.score([x[k] for k in test]) == score
+        fitted = copy.deepcopy(estimator).fit([x[k] for k in train])
+        assert fitted.score([x[k] for k in test]) == score
 
 
-def test_a_search_finds_what_predicts_other_episodes():
+def test_search_selects_predictive_settings():
     selection = tools()
-    found = [oscillation(0.3 * k) for k in range(6)]
-    x, t, x_dot = ([one[k] for one in found] for k in (1, 0, 2))
+    episodes = [oscillation(0.3 * k) for k in range(6)]
+    x, t, x_dot = ([one[k] for one in episodes] for k in (1, 0, 2))
     grid = {"threshold": [0.1, 50.0], "library": ["poly(1)", "poly(3)"]}
     search = selection.GridSearchCV(ff.SINDy(dt=PERIOD), grid, cv=selection.GroupKFold(3), error_score="raise")
     search.fit(x, x_dot, groups=[0, 0, 1, 1, 2, 2])
@@ -283,16 +283,16 @@ def test_a_fit_is_the_last_step_of_a_pipeline():
 def test_metadata_are_routed_by_name():
     selection = tools()
     sklearn = pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    found = [oscillation(0.3 * k) for k in range(4)]
+    episodes = [oscillation(0.3 * k) for k in range(4)]
     with sklearn.config_context(enable_metadata_routing=True):
         asked = ff.SINDy(library="poly(1)").set_fit_request(t=True, x_dot=True).set_score_request(t=True, x_dot=True)
         scores = selection.cross_val_score(
-            asked, [one[1] for one in found], cv=2, params={"t": [one[0] for one in found], "x_dot": [one[2] for one in found]}
+            asked, [one[1] for one in episodes], cv=2, params={"t": [one[0] for one in episodes], "x_dot": [one[2] for one in episodes]}
         )
     np.testing.assert_allclose(scores, 1.0, atol=1e-12)
 
 
-def test_what_they_are_to_scikit_learn():
+def test_estimator_types_in_scikit_learn():
     base = pytest.importorskip("sklearn.base", reason="scikit-learn is not installed")
     utils = pytest.importorskip("sklearn.utils", reason="scikit-learn is not installed")
     for estimator in small():
@@ -305,18 +305,18 @@ def test_what_they_are_to_scikit_learn():
 # -- pysindy's words
 
 
-def test_derivatives_are_those_of_the_fit():
+def test_derivatives_match_the_fit():
     t, x, x_dot = oscillation(0.0)
     central = ff.SINDy(derivative="central").fit(x, t)
-    found = central.differentiate(x, t)
-    np.testing.assert_allclose(found[1:-1], (x[2:] - x[:-2]) / (2 * PERIOD), rtol=1e-9)
-    assert np.isnan(found[0]).all() and np.isnan(found[-1]).all()
+    derivatives = central.differentiate(x, t)
+    np.testing.assert_allclose(derivatives[1:-1], (x[2:] - x[:-2]) / (2 * PERIOD), rtol=1e-9)
+    assert np.isnan(derivatives[0]).all() and np.isnan(derivatives[-1]).all()
     # Of order six, chosen by the data: better by far.
     better = ff.SINDy().fit(x, t).differentiate([x[:100], x[100:]], PERIOD)
     assert [len(one) for one in better] == [100, 200]
-    assert np.nanmax(np.abs(np.vstack(better) - x_dot)) < 1e-9 < np.nanmax(np.abs(found - x_dot))
-    own = ff.SINDy(differentiation_method=lambda x, t: np.gradient(x, t, axis=0)).fit(x, t)
-    np.testing.assert_array_equal(own.differentiate(x, t), np.gradient(x, t, axis=0))
+    assert np.nanmax(np.abs(np.vstack(better) - x_dot)) < 1e-9 < np.nanmax(np.abs(derivatives - x_dot))
+    fitted = ff.SINDy(differentiation_method=lambda x, t: np.gradient(x, t, axis=0)).fit(x, t)
+    np.testing.assert_array_equal(fitted.differentiate(x, t), np.gradient(x, t, axis=0))
     with pytest.raises(exceptions.RequestError, match="one argument"):
         ff.SINDy(derivative="central", differentiation_method=np.gradient).fit(x, t)
 
@@ -355,9 +355,9 @@ def test_inputs_are_held_or_joined_by_lines():
 def test_terms_are_named_and_counted_after_any_fit(estimator):
     x = runs(2)
     names = estimator.fit(x).get_feature_names()
-    found = estimator.coefficients()
-    assert found.shape == (2, len(names)) and names[0] == "1"
-    assert estimator.complexity == np.count_nonzero(found) == estimator.model_.complexity
+    coefficients = estimator.coefficients()
+    assert coefficients.shape == (2, len(names)) and names[0] == "1"
+    assert estimator.complexity == np.count_nonzero(coefficients) == estimator.model_.complexity
 
 
 def test_products_of_different_variables():
@@ -378,8 +378,8 @@ def test_functions_are_read_as_expressions():
     q, v = x.T
     values = np.column_stack([q * 0 + 1, q, v, q * abs(q), v * abs(v), np.cos(q), np.cos(v), np.exp(-(q**2) / 2) * v - 1])
     mixed = values @ [0.5, 1.0, -2.0, 3.0, 0.2, -1.0, 0.7, 0.3]
-    found = ff.SINDy(library=library, optimizer="ols", target="y").fit(x, mixed, feature_names=["q", "a v"])
-    np.testing.assert_allclose(found.predict(x), mixed, atol=1e-9)
+    fitted = ff.SINDy(library=library, optimizer="ols", target="y").fit(x, mixed, feature_names=["q", "a v"])
+    np.testing.assert_allclose(fitted.predict(x), mixed, atol=1e-9)
     inputs = ff.SINDy(library=["poly(1)", np.maximum]).fit(x, t, u=np.sin(t))
     assert [name for name in inputs.get_feature_names() if "max" in name] == ["max(x0, x1)", "max(x0, u0)", "max(x1, u0)"]
     for bad in (lambda x: x if x > 0 else 0.0, np.cumsum, lambda x: np.where(x > 0, x, 0), lambda x: float(x)):
@@ -395,9 +395,9 @@ def test_custom_libraries_of_pysindy():
     custom = ps.CustomLibrary([lambda x: np.sin(x), lambda x, y: x * y**2], interaction_only=False)
     library = ps.ConcatLibrary([ps.PolynomialLibrary(1), custom])
     peer = ps.SINDy(optimizer=ps.STLSQ(threshold=0.1), feature_library=library).fit(x, t=t, x_dot=x_dot)
-    own = ff.SINDy(optimizer=ps.STLSQ(threshold=0.1), feature_library=library).fit(x, t, x_dot)
-    assert own.get_feature_names()[-3:] == ["x0^3", "x0*x1^2", "x1^3"]
-    np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-7, atol=1e-9)
+    fitted = ff.SINDy(optimizer=ps.STLSQ(threshold=0.1), feature_library=library).fit(x, t, x_dot)
+    assert fitted.get_feature_names()[-3:] == ["x0^3", "x0*x1^2", "x1^3"]
+    np.testing.assert_allclose(fitted.coefficients(), peer.coefficients(), rtol=1e-7, atol=1e-9)
     with pytest.raises(exceptions.RequestError, match="write the products"):
         ff.SINDy(feature_library=ps.TensoredLibrary([custom, ps.PolynomialLibrary(1)])).fit(x, t)
 
@@ -405,7 +405,7 @@ def test_custom_libraries_of_pysindy():
 # -- notebooks
 
 
-def test_notebooks_show_what_there_is():
+def test_notebooks_show_models_and_tables():
     t, x, _ = oscillation(0.0)
     data = ff.open({"a<b": x[:, 0], "v": x[:, 1]}, t=t, name="run & more")
     model = ff.PWA(2, target="next").fit(x, t).model_
@@ -437,16 +437,16 @@ def test_regions_are_passive_at_their_ports():
     given = {"states": ["x", "v"], "inputs": ["f"], "target": "next", "shrinkage": "none", "passive": {"f": "v"}}
     model = ff.PWA("kmeans:5", **given).fit(data)
     candidate = model.report_["candidates"][0]
-    told = candidate["stability"]
-    (port,) = told["passivity"]["ports"]
+    stability = candidate["stability"]
+    (port,) = stability["passivity"]["ports"]
     assert (port["input"], port["state"]) == ("f", "v") and abs(port["shortage"] - 2 * h / mass) < 0.01
-    storage, supply = np.array(told["metric"]).reshape(2, 2), np.array([0.0, h])
+    storage, supply = np.array(stability["metric"]).reshape(2, 2), np.array([0.0, h])
     allowed = np.block([[storage, supply[:, None]], [supply[None, :], h * port["shortage"]]])
     for region in range(5):
         latents = json.loads(model.model_.to_json())["model"]["latents"]
         step = np.array([latent["coefficients"][region] for latent in latents])
         assert np.linalg.eigvalsh(allowed - step.T @ storage @ step)[0] > -1e-9
-    assert max(told["passivity"]["norms"]) <= 1.0 < max(told["passivity"]["free_norms"])
+    assert max(stability["passivity"]["norms"]) <= 1.0 < max(stability["passivity"]["free_norms"])
     assert candidate["loss"] < 1.05 * candidate["free_loss"]
 
 
@@ -458,15 +458,15 @@ def test_sindy_keeps_signs_of_coefficients():
     data = ff.open({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2], "y": y}, dt=0.01)
 
     def fit(**more):
-        own = ff.SINDy("ols", library=["a", "b", "c"], inputs=["a", "b", "c"], target="y", **more)
-        return own.fit(data).report_["regions"][0]["equations"][0], own.report_
+        estimator = ff.SINDy("ols", library=["a", "b", "c"], inputs=["a", "b", "c"], target="y", **more)
+        return estimator.fit(data).report_["regions"][0]["equations"][0], estimator.report_
 
     free, report = fit()
     assert len(free["terms"]) == 3 and "limits" not in report
     bounded, report = fit(constraints={"pushes": {"coefficients": {"y": ["b"]}, "at_least": 0.0}})
-    found = {term["function"]: term["coefficient"] for term in bounded["terms"]}
+    coefficients = {term["function"]: term["coefficient"] for term in bounded["terms"]}
     # Without b the others are those of their own normal equations.
-    assert list(found.values()) == pytest.approx(np.linalg.lstsq(x[:, [0, 2]], y, rcond=None)[0], rel=1e-10)
+    assert list(coefficients.values()) == pytest.approx(np.linalg.lstsq(x[:, [0, 2]], y, rcond=None)[0], rel=1e-10)
     assert bounded["rms"] > bounded["free_rms"] == free["rms"]
     (limit,) = report["limits"]
     assert (limit["name"], limit["nearest"], limit["cuts"]) == ("pushes, b of y", 0.0, 1)

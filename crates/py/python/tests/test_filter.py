@@ -25,27 +25,27 @@ def rows(seed: int, count: int = 4000) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def model() -> ff.Model:
-    own = rows(1)
-    states, u = np.column_stack([own["x"], own["v"]]), own["u"]
+    columns = rows(1)
+    states, u = np.column_stack([columns["x"], columns["v"]]), columns["u"]
     fit = ff.PWA(partition="refined:2", target="next").fit(
-        states, own["t"], u=u, feature_names=["x", "v"], input_names=["u"]
+        states, columns["t"], u=u, feature_names=["x", "v"], input_names=["u"]
     )
     return fit.model_
 
 
-def test_estimates_are_better_than_measurements_and_as_good_as_they_say(model: ff.Model) -> None:
+def test_estimates_are_accurate_and_consistent(model: ff.Model) -> None:
     asked = {"measured": {"x": 0.2}, "sensors": {"x": "seen"}, "truth": {"x": "x", "v": "v"}}
-    found = model.filter(rows(2), keep=True, **asked)
-    errors = {own["state"]: own for own in found["truth"]}
+    report = model.filter(rows(2), keep=True, **asked)
+    errors = {score["state"]: score for score in report["truth"]}
     assert errors["x"]["rmse"] < 0.6 * errors["x"]["measured_rmse"]
     # The model is one that was fitted, of 4,000 rows: not the truth itself.
-    assert 0.85 < found["nees"]["mean"] < 1.15
-    assert 0.93 < found["nees"]["share"] < 0.97
-    assert found["sensors"][0]["deviation_from"] == "given"
-    [own] = found["estimates"]
-    assert own["x"].shape == own["deviation"].shape == (4000, 2)
-    assert np.allclose(own["probability"].sum(axis=1), 1.0)
-    rms = np.sqrt(np.mean((own["x"][:, 1] - rows(2)["v"]) ** 2))
+    assert 0.85 < report["nees"]["mean"] < 1.15
+    assert 0.93 < report["nees"]["share"] < 0.97
+    assert report["sensors"][0]["deviation_from"] == "given"
+    [episode] = report["estimates"]
+    assert episode["x"].shape == episode["deviation"].shape == (4000, 2)
+    assert np.allclose(episode["probability"].sum(axis=1), 1.0)
+    rms = np.sqrt(np.mean((episode["x"][:, 1] - rows(2)["v"]) ** 2))
     assert rms == pytest.approx(errors["v"]["rmse"])
 
 
@@ -55,7 +55,7 @@ def test_nothing_looks_ahead_and_missing_rows_are_predicted(model: ff.Model) -> 
     part = {name: values[:200] for name, values in whole.items()}
     asked = {"measured": ["x"], "sensors": {"x": "seen"}, "keep": True}
     with pytest.warns(ff.FleetfootWarning, match="innovations"):
-        first, second = (model.filter(own, **asked)["estimates"][0] for own in (whole, part))
+        first, second = (model.filter(columns, **asked)["estimates"][0] for columns in (whole, part))
     assert np.array_equal(first["x"][:200], second["x"])
     assert np.isnan(first["innovation"][100:150]).all() and np.isfinite(first["x"]).all()
     assert first["deviation"][149, 0] > first["deviation"][99, 0]

@@ -21,19 +21,19 @@ def second_order(rows: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 def test_averaged_spectra_equal_scipys():
     signal = pytest.importorskip("scipy.signal")
     u, y = second_order(6000, 1)
-    told = ff.frequency(ff.open({"u": u, "y": y}, dt=0.01), "u", "y", segment=2.56)
+    report = ff.frequency(ff.open({"u": u, "y": y}, dt=0.01), "u", "y", segment=2.56)
     options = {"fs": 100.0, "window": "hann", "nperseg": 256, "noverlap": 128, "detrend": "constant"}
     f, cross = signal.csd(u, y, **options)
-    power, output = (signal.welch(own, **options)[1] for own in (u, y))
+    power, output = (signal.welch(values, **options)[1] for values in (u, y))
     coherence = signal.coherence(u, y, **options)[1]
-    own = told["measured"]
+    measured = report["measured"]
     inner = slice(1, -1)  # The last line has no mirror image.
-    np.testing.assert_allclose(own["frequency"], f[1:], rtol=1e-12)
-    response = np.array(own["real"]) + 1j * np.array(own["imaginary"])
+    np.testing.assert_allclose(measured["frequency"], f[1:], rtol=1e-12)
+    response = np.array(measured["real"]) + 1j * np.array(measured["imaginary"])
     np.testing.assert_allclose(response, (cross / power)[1:], rtol=1e-9)
-    np.testing.assert_allclose(own["coherence"], coherence[1:], rtol=1e-9)
-    np.testing.assert_allclose(own["input_power"][:-1], power[inner], rtol=1e-9)
-    np.testing.assert_allclose(own["output_power"][:-1], output[inner], rtol=1e-9)
+    np.testing.assert_allclose(measured["coherence"], coherence[1:], rtol=1e-9)
+    np.testing.assert_allclose(measured["input_power"][:-1], power[inner], rtol=1e-9)
+    np.testing.assert_allclose(measured["output_power"][:-1], output[inner], rtol=1e-9)
 
 
 def test_circles_hold_the_truth_in_95_percent():
@@ -43,9 +43,9 @@ def test_circles_hold_the_truth_in_95_percent():
     for seed in range(30):
         u, y = second_order(64 * 60, seed)
         # The leakage of a resonance over a short window is a bias; here it lasts 20 samples.
-        own = ff.frequency(ff.open({"u": u, "y": y}, dt=0.01), "u", "y", segment=0.64)["measured"]
-        found = np.array(own["real"]) + 1j * np.array(own["imaginary"])
-        inside.append(np.abs(found - truth)[8:31] < np.array(own["radius"])[8:31])
+        measured = ff.frequency(ff.open({"u": u, "y": y}, dt=0.01), "u", "y", segment=0.64)["measured"]
+        response = np.array(measured["real"]) + 1j * np.array(measured["imaginary"])
+        inside.append(np.abs(response - truth)[8:31] < np.array(measured["radius"])[8:31])
     share = np.mean(inside)
     assert 0.92 < share < 0.98, share
 
@@ -61,17 +61,17 @@ def test_periodic_excitation_and_a_model():
     noise = 0.01 * random.normal(size=t.size)
     data = ff.open({"u": u, "v": v + noise}, dt=0.02)
     model = ff.PWA("average", states=["v"], inputs=["u"], target="next").fit(ff.open({"u": u, "v": v}, dt=0.02)).model_
-    told = ff.frequency(data, "u", "v", model=model, period=n * 0.02)
-    own, simulated = told["measured"], told["model"]
-    excited = np.array(own["excited"])
+    report = ff.frequency(data, "u", "v", model=model, period=n * 0.02)
+    measured, simulated = report["measured"], report["model"]
+    excited = np.array(measured["excited"])
     assert [k + 1 for k in np.flatnonzero(excited)] == [1, 3, 7, 9, 11, 15]
     z = np.exp(-2j * np.pi * np.array([1, 3, 7, 9, 11, 15]) / n)
     truth = 0.1 * z / (1 - 0.9 * z)
-    lines = {name: np.array(one["real"]) + 1j * np.array(one["imaginary"]) for name, one in told.items() if name in ("measured", "model")}
+    lines = {name: np.array(one["real"]) + 1j * np.array(one["imaginary"]) for name, one in report.items() if name in ("measured", "model")}
     np.testing.assert_allclose(lines["model"][excited], truth, rtol=1e-3)
     assert np.abs(lines["measured"][excited] - truth).max() < 0.005
-    assert told["inside"] > 0.6
-    assert own["distortion"]["noise"] < 0.01 and simulated["distortion"]["odd"] < 1e-3
+    assert report["inside"] > 0.6
+    assert measured["distortion"]["noise"] < 0.01 and simulated["distortion"]["odd"] < 1e-3
     # By numpy: the mean over the periods behind the first, its transform at the excited lines.
     mean = [signal.reshape(periods, n)[1:].mean(0) for signal in (u, v + noise)]
     spectrum = [np.fft.rfft(signal)[1:][excited[: n // 2]] for signal in mean]

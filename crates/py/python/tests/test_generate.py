@@ -24,8 +24,8 @@ def test_runs_and_recipe(tmp_path):
 
 def test_worlds_are_changed_by_text_file_and_mapping(tmp_path):
     tomllib = pytest.importorskip("tomllib", reason="Python 3.10 reads no TOML")
-    own = tomllib.loads(ff.world("diffdrive"))
-    key, value = next((key, value) for key, value in leaves(own) if isinstance(value, float) and value > 0)
+    settings = tomllib.loads(ff.world("diffdrive"))
+    key, value = next((key, value) for key, value in leaves(settings) if isinstance(value, float) and value > 0)
     path = key.split(".")
     nested = {path[-1]: value * 1.25}
     for step in reversed(path[:-1]):

@@ -25,7 +25,7 @@ def made(seed: int = 0, rows: int = 200, targets: int | None = None) -> tuple[An
 
 
 def violation(X: Any, y: Any, model: Any, alpha: float, ratio: float, weights: Any, sample_weight: Any = None) -> float:
-    """How far coefficients are from optimal, relative to the largest gradient at zero."""
+    """Distance of coefficients from optimality, relative to the largest gradient at zero."""
     s = np.ones(len(X)) if sample_weight is None else sample_weight
     s = s / s.sum()
     coef = np.atleast_2d(model.coef_)
@@ -36,8 +36,8 @@ def violation(X: Any, y: Any, model: Any, alpha: float, ratio: float, weights: A
     scale = np.abs((first * s[:, None]).T @ centred).max()
     worst = np.abs(s @ left).max() / scale
     for group, weight in enumerate(weights):
-        own = np.asarray(model.groups_) == group
-        b, g = coef[:, own], gradient[:, own]
+        members = np.asarray(model.groups_) == group
+        b, g = coef[:, members], gradient[:, members]
         beyond = np.sign(g) * np.maximum(np.abs(g) - alpha * ratio, 0.0)
         limit = alpha * (1.0 - ratio) * weight
         if not b.any():
@@ -87,7 +87,7 @@ def test_labels_sizes_weights_and_starts() -> None:
     assert (positive.coef_ >= 0.0).all() and positive.coef_.any()
 
 
-def test_what_is_out_of_range_is_refused() -> None:
+def test_values_out_of_range_are_refused() -> None:
     X, y = made()
     for model, word in [
         (ff.GroupLasso([0, 1]), "one label a feature"),
@@ -123,7 +123,7 @@ def test_cross_validation_is_that_of_the_folds() -> None:
     assert np.array_equal(plain.mse_path_, model.mse_path_[0])
 
 
-def test_many_tasks_are_those_of_scikit_learn() -> None:
+def test_many_tasks_match_scikit_learn() -> None:
     linear = pytest.importorskip("sklearn.linear_model", reason="scikit-learn, the peer, is not installed")
     X, y = made(6, targets=4)
     for alpha in (0.05, 0.5):
@@ -135,7 +135,7 @@ def test_many_tasks_are_those_of_scikit_learn() -> None:
         assert np.allclose(ours.intercept_, theirs.intercept_, rtol=1e-5)
 
 
-def test_paths_are_those_of_adelie() -> None:
+def test_paths_match_adelie() -> None:
     # Not among the required peers: pysindy, which is, has no use for that numpy.
     adelie = pytest.importorskip("adelie", reason="adelie wants numpy 1 and cannot stand beside the other peers")
     rng = np.random.default_rng(8)
@@ -151,11 +151,11 @@ def test_paths_are_those_of_adelie() -> None:
         early_exit=False,
         progress_bar=False,
     )
-    found = dict(zip(state.lmdas.tolist(), state.betas.toarray()))
+    coefficients_at = dict(zip(state.lmdas.tolist(), state.betas.toarray()))
     compared = 0
     for alpha in alphas:
         ours = ff.GroupLasso(4, alpha).fit(X, y)
-        theirs = found.get(float(alpha), np.zeros(20))
+        theirs = coefficients_at.get(float(alpha), np.zeros(20))
         assert np.array_equal(ours.coef_ != 0.0, theirs != 0.0)
         assert np.allclose(ours.coef_, theirs, rtol=1e-4, atol=1e-5)
         compared += int(ours.coef_.any())

@@ -22,13 +22,13 @@ def helped(command: str) -> dict[str, str]:
     """The flags of a command, each with what its help says of the default."""
     assert COMMAND is not None
     text = subprocess.run([COMMAND, "fit", command, "--help"], capture_output=True, text=True, check=True).stdout
-    found = {}
+    defaults = {}
     for part in re.split(r"\n(?=  (?:-\w, |    )--)", text):
         flag = re.search(r"--([a-z][\w-]*)", part)
         default = re.search(r"\(default: ([^()]*)", " ".join(part.split()))
         if flag and default:
-            found[flag[1].replace("-", "_")] = default[1]
-    return found
+            defaults[flag[1].replace("-", "_")] = default[1]
+    return defaults
 
 
 def worded(name: str, default: object) -> str:
@@ -44,16 +44,16 @@ def worded(name: str, default: object) -> str:
     ("command", "estimator"),
     [("pwa", ff.PWA), ("sindy", ff.SINDy), ("narx", ff.NARX), ("network", ff.Network), ("sparse", ff.BlockSparse), ("parameters", ff.Parameters)],
 )
-def test_defaults_are_those_of_the_command(command, estimator):
+def test_defaults_match_the_command(command, estimator):
     flags = helped(command)
     compared, wrong = 0, []
     for name, argument in inspect.signature(estimator).parameters.items():
-        said = flags.get(FLAGS.get(name, name))
-        if said is None or argument.default in (None, (), inspect.Parameter.empty):
+        printed = flags.get(FLAGS.get(name, name))
+        if printed is None or argument.default in (None, (), inspect.Parameter.empty):
             continue
         compared += 1
-        own = worded(name, argument.default)
-        if not re.match(re.escape(own) + r"(?![\w.-])", said):
-            wrong.append(f"{name}={argument.default!r}, and --{FLAGS.get(name, name)} says `{said}`")
+        expected = worded(name, argument.default)
+        if not re.match(re.escape(expected) + r"(?![\w.-])", printed):
+            wrong.append(f"{name}={argument.default!r}, and --{FLAGS.get(name, name)} says `{printed}`")
     assert compared >= 2, flags
     assert not wrong, "\n".join(wrong)

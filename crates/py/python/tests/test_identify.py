@@ -48,13 +48,13 @@ def lorenz_truth(names):
         (2, "x2"): -8 / 3,
         (2, "x0*x1"): 1,
     }
-    found = np.zeros((3, len(names)))
+    coefficients = np.zeros((3, len(names)))
     for (state, function), value in known.items():
-        found[state, names.index(function)] = value
-    return found
+        coefficients[state, names.index(function)] = value
+    return coefficients
 
 
-def test_lorenz_is_found():
+def test_lorenz_is_identified():
     t, x, x_dot = lorenz()
     exact = ff.SINDy(threshold=0.1, ridge=0.0).fit(x, t, x_dot)
     assert np.abs(exact.coefficients() - lorenz_truth(exact.get_feature_names())).max() < 1e-9
@@ -62,9 +62,9 @@ def test_lorenz_is_found():
     assert (np.count_nonzero(counted.coefficients(), axis=1) <= 3).all()
     # Differences over 2 ms: their error is h^2/6 of the third derivative.
     chosen = ff.SINDy(threshold=0.1).fit(x, t)
-    found, expected = chosen.coefficients(), lorenz_truth(chosen.get_feature_names())
-    assert np.array_equal(found != 0, expected != 0)
-    assert np.abs(found - expected).max() < 0.02
+    coefficients, expected = chosen.coefficients(), lorenz_truth(chosen.get_feature_names())
+    assert np.array_equal(coefficients != 0, expected != 0)
+    assert np.abs(coefficients - expected).max() < 0.02
     assert chosen.score(x, t) > 0.9999
 
 
@@ -72,18 +72,18 @@ def test_pysindy_gives_the_same():
     ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
     t, x, _ = lorenz()
     peer = ps.SINDy(optimizer=ps.STLSQ(threshold=0.1)).fit(x, t=t)
-    own = ff.SINDy(
+    fitted = ff.SINDy(
         optimizer=ps.STLSQ(threshold=0.1),
         feature_library=ps.PolynomialLibrary(degree=2),
         differentiation_method=ps.FiniteDifference(),
     ).fit(x, t)
-    assert [name.replace(" ", "*") for name in peer.get_feature_names()] == own.get_feature_names()
-    np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(own.predict(x), peer.predict(x), rtol=1e-9, atol=1e-7)
-    assert own.score(x, t) == pytest.approx(peer.score(x, t), abs=1e-9)
+    assert [name.replace(" ", "*") for name in peer.get_feature_names()] == fitted.get_feature_names()
+    np.testing.assert_allclose(fitted.coefficients(), peer.coefficients(), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(fitted.predict(x), peer.predict(x), rtol=1e-9, atol=1e-7)
+    assert fitted.score(x, t) == pytest.approx(peer.score(x, t), abs=1e-9)
     # One second of a chaotic system; both integrators are accurate.
     times = t[:500]
-    np.testing.assert_allclose(own.simulate(x[0], times), peer.simulate(x[0], times), rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(fitted.simulate(x[0], times), peer.simulate(x[0], times), rtol=1e-4, atol=1e-3)
 
 
 def test_pysindy_with_inputs_and_runs():
@@ -100,9 +100,9 @@ def test_pysindy_with_inputs_and_runs():
         inputs.append(u)
     peer = ps.SINDy(optimizer=ps.STLSQ(threshold=0.2), feature_library=ps.PolynomialLibrary(2))
     peer.fit(runs, t=t, u=inputs)
-    own = ff.SINDy(threshold=0.2, library="poly(2)", differentiation_method=ps.FiniteDifference()).fit(runs, t, u=inputs)
-    assert own.model_.inputs == ("u0",)
-    np.testing.assert_allclose(own.coefficients(), peer.coefficients(), rtol=1e-8, atol=1e-8)
+    fitted = ff.SINDy(threshold=0.2, library="poly(2)", differentiation_method=ps.FiniteDifference()).fit(runs, t, u=inputs)
+    assert fitted.model_.inputs == ("u0",)
+    np.testing.assert_allclose(fitted.coefficients(), peer.coefficients(), rtol=1e-8, atol=1e-8)
 
 
 def hybrid():
@@ -140,8 +140,8 @@ def test_hybrid_robot_is_recovered_through_every_door():
         for columns in (("x", "phi", "xd", "phid"), ("u1", "u2"), ("dx", "dphi", "ddx", "ddphi"))
     )
     labels = {"columns": {"region": raw["region"]}}
-    own = {name: {"regressor": False} for name in ("x", "phi")}
-    arrays = ff.PWA(states=own, **options)
+    unread = {name: {"regressor": False} for name in ("x", "phi")}
+    arrays = ff.PWA(states=unread, **options)
     arrays.fit(x, raw["t"], x_dot, u, ["x", "phi", "xd", "phid"], ["u1", "u2"], **labels)
     assert arrays.get_feature_names() == names
     for other in (memory, arrays):
@@ -150,7 +150,7 @@ def test_hybrid_robot_is_recovered_through_every_door():
     assert arrays.score(x, raw["t"], x_dot, u, **labels) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_arrays_of_any_layout_and_arrow_give_the_bits_of_the_file(tmp_path):
+def test_arrays_and_arrow_equal_the_file(tmp_path):
     pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
     t, x, _ = lorenz(800)
@@ -189,11 +189,11 @@ def test_the_command_line_and_python_agree(tmp_path):
     np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,x0,x1,x2", comments="", fmt="%.17g")
     arguments = ["fit", "pwa", "run.csv", "--states", "x0,x1,x2", "--time", "t", "-p", "kmeans:3", "-o", "model.json"]
     subprocess.run([command, *arguments], cwd=tmp_path, check=True, capture_output=True)
-    own = ff.PWA(3).fit(x, t)
-    assert np.array_equal(ff.load(tmp_path / "model.json").coefficients(), own.coefficients())
-    own.save(tmp_path / "own.json")
+    fitted = ff.PWA(3).fit(x, t)
+    assert np.array_equal(ff.load(tmp_path / "model.json").coefficients(), fitted.coefficients())
+    fitted.save(tmp_path / "own.json")
     shown = subprocess.run([command, "show", "own.json", "--json"], cwd=tmp_path, check=True, capture_output=True)
-    assert json.loads(shown.stdout) == json.loads(own.model_.to_json())
+    assert json.loads(shown.stdout) == json.loads(fitted.model_.to_json())
 
 
 def test_piecewise_models_are_chosen():
@@ -245,15 +245,15 @@ def test_block_sparse_finds_shared_functions():
         tasks={"first": ("along", "T - D"), "second": {"target": "across", "right": "c*T"}},
         select="bic",
     ).fit(ff.open(columns, dt=0.01))
-    found = {
+    coefficients = {
         (latent["name"], one["function"]): one["coefficient"]
         for latent in fit.report_["latents"]
         for one in latent["functions"]
         if one["selected"]
     }
     for key, value in {("T", "a"): 2.0, ("T", "a*b"): 3.0, ("D", "b^2"): 0.7}.items():
-        assert found.pop(key) == pytest.approx(value, abs=0.02)
-    assert all(abs(value) < 0.02 for value in found.values()), found
+        assert coefficients.pop(key) == pytest.approx(value, abs=0.02)
+    assert all(abs(value) < 0.02 for value in coefficients.values()), coefficients
     assert fit.report_["certificate"]["kkt"] < 1e-6
     assert fit.coefficients(latent="D").shape == (4,)
     with pytest.raises(ModelError, match="latent="):
@@ -355,8 +355,8 @@ def test_autoregressions_range_over_gleaned_rows():
     for lags in ("6:3", {"last": 6, "every": 3}):
         narx = ff.NARX(lags=lags, degree=1, terms="all").fit(x[:, :1], t, feature_names=["x"])
         assert narx.report_["order"] == {"lags_out": 3, "lags_in": 0, "every": 3, "degree": 1}
-        found = {term["function"] for term in narx.report_["regions"][0]["equations"][0]["terms"]}
-        assert found - {"1"} == {"x", "lag(x, 3)", "lag(x, 6)"}
+        functions = {term["function"] for term in narx.report_["regions"][0]["equations"][0]["terms"]}
+        assert functions - {"1"} == {"x", "lag(x, 3)", "lag(x, 6)"}
 
 
 #: Entries that are words or switches: a value, and another one. The others take numbers.
@@ -381,22 +381,22 @@ WORDS = {
 @pytest.mark.parametrize(
     ("estimator", "section"), [(ff.PWA, "pwa"), (ff.BlockSparse, "sparse"), (ff.SINDy, "sindy"), (ff.NARX, "narx")]
 )
-def test_every_option_of_a_method_is_an_argument_that_stands_above_the_recipe(estimator, section):
+def test_every_option_is_an_overriding_argument(estimator, section):
     entries = dict(_core.settings())[section]
     assert len(entries) > 9
-    assert section not in estimator()._own_recipe(), "what is not said stays with the recipe"
+    assert section not in estimator()._method_recipe(), "what is not said stays with the recipe"
     for entry in entries:
         value, other = WORDS.get(entry, (2, 3))
-        given = estimator(**{{"lambda": "lam"}.get(entry, entry): value})._own_recipe()
+        given = estimator(**{{"lambda": "lam"}.get(entry, entry): value})._method_recipe()
         assert list(given) == [section] and list(given[section]) == [entry]
         if isinstance(given[section][entry], str):
             other = str(other)
         below = {section: {entry: other}}
-        assert _recipe.say(given, below) == given, entry
-        assert _recipe.say({section: {}}, below) == below, entry
+        assert _recipe.override(given, below) == given, entry
+        assert _recipe.override({section: {}}, below) == below, entry
 
 
-def test_an_objective_of_simulations_is_told_beside_that_of_one_step():
+def test_simulation_objective_is_reported():
     """A decay that is measured with noise: one step pulls it to zero, simulations do not."""
     rng = np.random.default_rng(3)
     runs = []
@@ -407,19 +407,19 @@ def test_an_objective_of_simulations_is_told_beside_that_of_one_step():
         runs.append((x + rng.normal(size=300), u))
     x, u = [run[0] for run in runs], [run[1] for run in runs]
     given = {"t": 0.1, "u": u, "feature_names": ["x"], "input_names": ["u"]}
-    found = {how: ff.PWA(1, target="next", folds=0, objective=how).fit(x, **given) for how in ("one-step", "steps:10")}
-    at = found["one-step"].get_feature_names().index("x")
-    slope = {how: float(fit.coefficients()[0, at]) for how, fit in found.items()}
+    fits = {how: ff.PWA(1, target="next", folds=0, objective=how).fit(x, **given) for how in ("one-step", "steps:10")}
+    at = fits["one-step"].get_feature_names().index("x")
+    slope = {how: float(fit.coefficients()[0, at]) for how, fit in fits.items()}
     assert abs(slope["steps:10"] - 0.9) < 0.5 * abs(slope["one-step"] - 0.9), slope
-    report = found["steps:10"].report_["objective"]
-    assert report["written"] and report["steps"] == 10 and "objective" not in found["one-step"].report_
+    report = fits["steps:10"].report_["objective"]
+    assert report["written"] and report["steps"] == 10 and "objective" not in fits["one-step"].report_
     before, after = report["rollouts_over_persistence"]
     assert after < before
     with pytest.raises(ff.exceptions.FleetfootError, match="one-step, free-run, or steps:N"):
         ff.PWA(objective="many").fit(x, **given)
 
 
-def test_what_is_said_silences_what_contradicts_it():
+def test_arguments_remove_contradicting_entries():
     t, x, _ = lorenz(400)
     recipe = {"sindy": {"terms": 1}}
     given = ff.SINDy(threshold=0.1, recipe=recipe).fit(x, t)
@@ -452,8 +452,8 @@ def test_parameters_behave_as_in_scikit_learn():
     with pytest.raises(AttributeError, match="not fitted"):
         estimator.equations()
     base = pytest.importorskip("sklearn.base", reason="scikit-learn is not installed")
-    for own in (ff.PWA(3), estimator, ff.NARX(2), ff.BlockSparse(lam=0.1)):
-        assert base.clone(own).get_params() == own.get_params()
+    for fit in (ff.PWA(3), estimator, ff.NARX(2), ff.BlockSparse(lam=0.1)):
+        assert base.clone(fit).get_params() == fit.get_params()
 
 
 def test_fits_are_copied_and_pickled():
@@ -464,7 +464,7 @@ def test_fits_are_copied_and_pickled():
         assert np.array_equal(twin.predict(x), fit.predict(x))
 
 
-def test_progress_stops_the_work_when_it_raises():
+def test_raising_progress_stops_the_work():
     rows = np.random.default_rng(0).normal(size=(200_000, 3))
     seen = []
     ff.PWA(8, progress=lambda stage, done, total: seen.append(stage)).fit(rows, 0.01)
@@ -479,12 +479,12 @@ def test_notes_are_warnings_of_the_callers_line():
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         fit = ff.PWA().fit(twins, t)
-    own = [one for one in caught if issubclass(one.category, ff.FleetfootWarning)]
-    assert [str(one.message) for one in own] == fit.report_["notes"] and own
-    assert {one.filename for one in own} == {__file__}
+    notes = [one for one in caught if issubclass(one.category, ff.FleetfootWarning)]
+    assert [str(one.message) for one in notes] == fit.report_["notes"] and notes
+    assert {one.filename for one in notes} == {__file__}
 
 
-def test_a_statistic_is_fitted_without_its_rows(tmp_path):
+def test_statistic_is_fitted_without_rows(tmp_path):
     command = os.environ.get("FLEETFOOT_BIN")
     if not command:
         pytest.skip("FLEETFOOT_BIN does not name the fleetfoot command")
@@ -498,9 +498,9 @@ def test_a_statistic_is_fitted_without_its_rows(tmp_path):
     arguments = ["scan", "-c", str(recipe), "run.csv", "-o", "run.stats"]
     subprocess.run([command, *arguments], cwd=tmp_path, check=True, capture_output=True)
     known = ff.SINDy(threshold=0.1, recipe=recipe, library="poly(2)").fit(tmp_path / "run.csv")
-    found = ff.SINDy(threshold=0.1, library="poly(2)").fit(tmp_path / "run.stats")
-    assert found.get_feature_names() == known.get_feature_names()
-    np.testing.assert_allclose(found.coefficients(), known.coefficients(), rtol=1e-9, atol=1e-9)
+    fitted = ff.SINDy(threshold=0.1, library="poly(2)").fit(tmp_path / "run.stats")
+    assert fitted.get_feature_names() == known.get_feature_names()
+    np.testing.assert_allclose(fitted.coefficients(), known.coefficients(), rtol=1e-9, atol=1e-9)
     sparse = ff.BlockSparse(select="bic").fit(tmp_path / "run.stats")
     assert [task["name"] for task in sparse.report_["tasks"]] == ["d(x0)/dt", "d(x1)/dt", "d(x2)/dt"]
     assert min(task["r2"] for task in sparse.report_["tasks"]) > 0.999

@@ -19,18 +19,18 @@ def read(folder: Path) -> dict[str, str]:
 
 
 def edges(texts: dict[str, str], package: str) -> Edges:
-    """What each module imports of the others. An attribute of the package itself is its ``__init__``; compiled modules
+    """Imports between the modules. An attribute of the package itself is its ``__init__``; compiled modules
     import nothing.
     """
-    found: Edges = {}
+    imports: Edges = {}
     for module, text in texts.items():
-        arrows = found.setdefault(module, {})
+        arrows = imports.setdefault(module, {})
         for node in ast.walk(ast.parse(text)):
             for name in _imported(node, package):
                 wanted = name if name in texts else "__init__"
                 if name != "_core" and wanted != module:
                     arrows.setdefault(wanted, getattr(node, "lineno", 0))
-    return found
+    return imports
 
 
 def _imported(node: ast.AST, package: str) -> list[str]:
@@ -51,8 +51,8 @@ def _imported(node: ast.AST, package: str) -> list[str]:
 def circles(arrows: Edges) -> list[list[str]]:
     """Modules that reach each other: the strongly connected components of more than one module."""
     reached = {module: _reached(arrows, module) for module in arrows}
-    found = {tuple(other for other in sorted(arrows) if other in seen and one in reached[other]) for one, seen in reached.items()}
-    return sorted(list(circle) for circle in found if circle)
+    components = {tuple(other for other in sorted(arrows) if other in seen and one in reached[other]) for one, seen in reached.items()}
+    return sorted(list(circle) for circle in components if circle)
 
 
 def _reached(arrows: Edges, start: str) -> set[str]:
@@ -69,12 +69,12 @@ def test_no_modules_import_each_other():
     texts = read(Path(fleetfoot.__file__).parent)
     assert len(texts) > 50, f"only {len(texts)} modules were found"
     arrows = edges(texts, "fleetfoot")
-    told = [
+    messages = [
         f"{len(circle)} modules:\n"
         + "\n".join(f"    {one}.py:{line} imports {other}" for one in circle for other, line in arrows[one].items() if other in circle)
         for circle in circles(arrows)
     ]
-    assert not told, "\n".join(told)
+    assert not messages, "\n".join(messages)
 
 
 def test_imports_within_functions_count():

@@ -50,7 +50,7 @@ def test_the_right_keyword_is_named(call: Any, wrong: str, right: str) -> None:
         call(**{wrong: 1})
 
 
-def test_methods_name_it_too() -> None:
+def test_methods_name_the_keyword_too() -> None:
     with pytest.raises(TypeError, match=r"^rollout has no argument 'random_state'; did you mean seed=\?$"):
         ff.Model.rollout(None, {}, 3, random_state=0)  # type: ignore[arg-type, call-arg]
 

@@ -1,4 +1,4 @@
-"""What a notebook does with every estimator, on the arrays and tables of every library alike: the same coefficients, to the bit."""
+"""Calls of a notebook with every estimator, on the arrays and tables of every library alike: the same coefficients, to the bit."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ ON_RECORDINGS = {"SINDy", "PWA", "NARX", "Network", "BlockSparse", "Parameters"}
 def notebook(make: Any, X: Any, y: Any) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Fit, look; predict, score."""
     model = make().fit(X, y)
-    found = [model.cluster_centers_] if isinstance(model, ff.KMeans) else [model.coef_]
+    results = [model.cluster_centers_] if isinstance(model, ff.KMeans) else [model.coef_]
     if hasattr(model, "intercept_"):
-        found.append(model.intercept_)
-    return [np.asarray(value) for value in found], [np.asarray(model.predict(X)), np.asarray(model.score(X, y))]
+        results.append(model.intercept_)
+    return [np.asarray(value) for value in results], [np.asarray(model.predict(X)), np.asarray(model.score(X, y))]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,11 +74,11 @@ def test_every_library_gives_the_same_coefficients(make: Any, kind: str) -> None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         expected = notebook(make, X, TARGET)
-        found = notebook(make, *KINDS[kind]())
-    for a, b in zip(found[0], expected[0], strict=True):
+        results = notebook(make, *KINDS[kind]())
+    for a, b in zip(results[0], expected[0], strict=True):
         np.testing.assert_array_equal(a, b)
     # numpy multiplies rows in another order of memory in another order.
-    for a, b in zip(found[1], expected[1], strict=True):
+    for a, b in zip(results[1], expected[1], strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
 
@@ -92,5 +92,5 @@ def test_names_of_columns_are_kept(make: Any) -> None:
 
 def test_no_estimator_is_left_out() -> None:
     exported = (getattr(ff, name) for name in ff.__all__)
-    found = {one.__name__ for one in exported if inspect.isclass(one) and issubclass(one, BaseEstimator)}
-    assert found == set(ESTIMATORS) | ON_RECORDINGS
+    estimators = {one.__name__ for one in exported if inspect.isclass(one) and issubclass(one, BaseEstimator)}
+    assert estimators == set(ESTIMATORS) | ON_RECORDINGS

@@ -47,7 +47,7 @@ def test_the_same_random_numbers_give_scikit_learns_result(init: str, weighted: 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 @pytest.mark.parametrize("order", ["C", "F", "strided"])
-def test_the_result_is_a_fixed_point_whatever_the_layout(kind: Any, order: str) -> None:
+def test_result_is_a_fixed_point(kind: Any, order: str) -> None:
     plain = _rows(3, offset=0.0).astype(kind)
     X: Any = {"C": plain, "F": np.asfortranarray(plain), "strided": np.repeat(plain, 2, axis=0)[::2]}[order]
     model = ff.KMeans(5, tol=0.0, random_state=0).fit(X)
@@ -78,13 +78,13 @@ def test_rows_of_weight_zero_start_nothing_and_move_nothing() -> None:
 
 def test_threads_do_not_show() -> None:
     X = _rows(5, n=50_000)
-    found = []
+    models = []
     for threads in (1, 2):
         ff.set_threads(threads)
-        found.append(ff.KMeans(9, random_state=0).fit(X))
+        models.append(ff.KMeans(9, random_state=0).fit(X))
     ff.set_threads(0)
-    assert (found[0].cluster_centers_ == found[1].cluster_centers_).all()
-    assert (found[0].labels_ == found[1].labels_).all() and found[0].inertia_ == found[1].inertia_
+    assert (models[0].cluster_centers_ == models[1].cluster_centers_).all()
+    assert (models[0].labels_ == models[1].labels_).all() and models[0].inertia_ == models[1].inertia_
 
 
 @pytest.mark.parametrize("scale", [1e-60, 1e-12, 1e25])
@@ -103,7 +103,7 @@ def test_fewer_different_rows_than_clusters() -> None:
     assert model.inertia_ == 0.0 and model.cluster_centers_.shape == (4, 2)
 
 
-def test_bad_input_is_told() -> None:
+def test_bad_input_is_refused() -> None:
     X = _rows(7, n=50)
     for bad, text in [
         ({"n_clusters": 0}, "n_clusters"),
@@ -125,7 +125,7 @@ def test_bad_input_is_told() -> None:
         ff.KMeans(2).fit(np.where(X == X[3, 1], np.nan, X))
 
 
-def test_a_model_survives_pickling_and_names_its_features() -> None:
+def test_pickled_model_keeps_feature_names() -> None:
     X = _rows(8)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -137,7 +137,7 @@ def test_a_model_survives_pickling_and_names_its_features() -> None:
 
 
 @pytest.mark.parametrize("init", ["k-means++", "random"])
-def test_sparse_rows_are_those_of_the_dense_matrix(init: str) -> None:
+def test_sparse_rows_match_dense_rows(init: str) -> None:
     sparse = pytest.importorskip("scipy.sparse", reason="scipy is not installed")
     dense = np.where(np.random.RandomState(1).uniform(size=(5000, 7)) < 0.6, 0.0, _rows(11, 5000, 7))
     expected = ff.KMeans(4, init=init, n_init=2, random_state=0).fit(dense)
@@ -154,6 +154,6 @@ def test_sparse_rows_are_those_of_the_dense_matrix(init: str) -> None:
 def test_iterations_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     model = ff.KMeans(4, random_state=0, tol=0.0, verbose=1).fit(_rows(9))
     lines = capsys.readouterr().out.splitlines()
-    told = [float(line.split()[-1].rstrip(".")) for line in lines if line.startswith("Iteration")]
-    assert len(told) == model.n_iter_ and told == sorted(told, reverse=True)
-    np.testing.assert_allclose(told[-1], model.inertia_, rtol=1e-12)
+    inertias = [float(line.split()[-1].rstrip(".")) for line in lines if line.startswith("Iteration")]
+    assert len(inertias) == model.n_iter_ and inertias == sorted(inertias, reverse=True)
+    np.testing.assert_allclose(inertias[-1], model.inertia_, rtol=1e-12)

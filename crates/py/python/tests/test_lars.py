@@ -22,7 +22,7 @@ def correlated(rows: int, columns: int, seed: int = 0, noise: float = 1.0) -> tu
 
 
 def violation(X: Any, y: Any, alpha: float, w: np.ndarray, positive: bool = False) -> float:
-    """How far w is from a minimum of the lasso, relative to the largest correlation there could be."""
+    """Distance of w from a minimum of the lasso, relative to the largest correlation there could be."""
     X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     gradient = X.T @ (y - X @ w) / len(y)
     active = w != 0
@@ -34,9 +34,9 @@ def violation(X: Any, y: Any, alpha: float, w: np.ndarray, positive: bool = Fals
 
 def spread(X: np.ndarray, y: np.ndarray, w: np.ndarray) -> float:
     """By how much the active columns' correlations with the residual differ: nothing, in least angle regression."""
-    found = np.abs(X.T @ (y - X @ w))
-    active = found[w != 0]
-    return float((found.max() - active.min()) / np.abs(X.T @ y).max()) if len(active) else 0.0
+    correlations = np.abs(X.T @ (y - X @ w))
+    active = correlations[w != 0]
+    return float((correlations.max() - active.min()) / np.abs(X.T @ y).max()) if len(active) else 0.0
 
 
 PROBLEMS = {
@@ -76,7 +76,7 @@ def test_active_columns_of_least_angle_regression_are_equally_correlated(name: s
     assert np.allclose(X @ coefs[:, -1], X @ least, atol=1e-9 * np.abs(y).max())
 
 
-def test_where_scikit_learn_differs_the_certificates_say_who_is_right() -> None:
+def test_certificates_decide_differences_to_scikit_learn() -> None:
     linear_model = pytest.importorskip("sklearn.linear_model", reason="scikit-learn is not installed")
     # A coefficient crosses zero: scikit-learn's "lar" path is not equiangular from there on.
     X, y = correlated(300, 40, seed=0)
@@ -110,7 +110,7 @@ def test_where_scikit_learn_differs_the_certificates_say_who_is_right() -> None:
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("layout", ["C", "F", "strided"])
-def test_paths_are_those_of_scikit_learn(layout: str, dtype: type) -> None:
+def test_paths_match_scikit_learn(layout: str, dtype: type) -> None:
     linear_model = pytest.importorskip("sklearn.linear_model", reason="scikit-learn is not installed")
     X, y = correlated(200, 15, seed=3)
     X, y = X.astype(dtype), y.astype(dtype)
@@ -138,7 +138,7 @@ def test_single_precision_is_summed_in_double() -> None:
 
 
 @pytest.mark.parametrize("fit_intercept", [True, False])
-def test_estimators_are_those_of_scikit_learn(fit_intercept: bool) -> None:
+def test_estimators_match_scikit_learn(fit_intercept: bool) -> None:
     linear_model = pytest.importorskip("sklearn.linear_model", reason="scikit-learn is not installed")
     X, y = correlated(150, 10, seed=5)
     Y = np.c_[y, np.sin(y), X @ np.arange(10.0)]
@@ -209,8 +209,8 @@ def test_cross_validation_is_that_of_scikit_learn(shape: tuple[int, int], option
     # Positive paths of scikit-learn are wrong between their last knot and 0.
     known = theirs.cv_alphas_ > (0.05 * theirs.cv_alphas_[-1] if options.get("positive") else 0.0)
     for fold in range(ours.mse_path_.shape[1]):
-        found = np.interp(theirs.cv_alphas_[known], ours.cv_alphas_, ours.mse_path_[:, fold])
-        assert np.allclose(found, theirs.mse_path_[known, fold], rtol=1e-8)
+        errors = np.interp(theirs.cv_alphas_[known], ours.cv_alphas_, ours.mse_path_[:, fold])
+        assert np.allclose(errors, theirs.mse_path_[known, fold], rtol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_cross_validation_is_that_of_scikit_learn(shape: tuple[int, int], option
     [{}, {"criterion": "bic"}, {"noise_variance": 3.0}, {"fit_intercept": False}, {"positive": True}, {"max_iter": 3}],
     ids=str,
 )
-def test_criteria_are_those_of_scikit_learn(options: dict[str, Any]) -> None:
+def test_criteria_match_scikit_learn(options: dict[str, Any]) -> None:
     linear_model = pytest.importorskip("sklearn.linear_model", reason="scikit-learn is not installed")
     X, y = correlated(150, 10, seed=8)
     theirs, ours = linear_model.LassoLarsIC(**options).fit(X.copy(), y.copy()), ff.LassoLarsIC(**options).fit(X, y)
@@ -231,7 +231,7 @@ def test_criteria_are_those_of_scikit_learn(options: dict[str, Any]) -> None:
     )
 
 
-def test_the_criterion_is_its_definition() -> None:
+def test_criterion_matches_definition() -> None:
     X, y = correlated(60, 5, seed=9)
     model = ff.LassoLarsIC("bic").fit(X, y)
     A = np.c_[np.ones(60), X]
@@ -293,7 +293,7 @@ def test_scale_does_not_matter() -> None:
         assert np.allclose(small[0] / size, alphas, rtol=1e-9, atol=1e-12)
 
 
-def test_warnings_say_what_happened() -> None:
+def test_warnings_name_the_cause() -> None:
     X, y = correlated(50, 4, seed=12)
     with pytest.warns(ConvergenceWarning, match=r"Columns [014] are combinations"):
         ff.LassoLars(alpha=0.0).fit(np.c_[X, X[:, 0] + X[:, 1]], y)
@@ -350,17 +350,17 @@ def test_models_are_pickled() -> None:
 
 def test_threads_may_fit_at_once() -> None:
     X, y = correlated(400, 20, seed=13)
-    found: list[Any] = [None] * 4
+    paths: list[Any] = [None] * 4
 
     def fit(at: int) -> None:
-        found[at] = ff.LassoLarsCV(cv=4).fit(X, y).coef_
+        paths[at] = ff.LassoLarsCV(cv=4).fit(X, y).coef_
 
     threads = [threading.Thread(target=fit, args=(at,)) for at in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert all(np.array_equal(coef, ff.LassoLarsCV(cv=4).fit(X, y).coef_) for coef in found)
+    assert all(np.array_equal(coef, ff.LassoLarsCV(cv=4).fit(X, y).coef_) for coef in paths)
 
 
 def test_a_target_that_does_not_vary() -> None:

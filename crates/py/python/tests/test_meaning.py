@@ -1,4 +1,4 @@
-"""What a call means is never guessed against the caller: columns that are no numbers, stamps as targets, words like words."""
+"""The meaning of a call is never guessed against the caller: columns that are no numbers, stamps as targets, words like words."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def tables() -> dict[str, Any]:
 
 @pytest.mark.parametrize("library", tables())
 @pytest.mark.parametrize("place", [0, 7])
-def test_a_column_of_text_does_not_vanish_from_the_states(library: str, place: int) -> None:
+def test_text_column_among_states_is_reported(library: str, place: int) -> None:
     words = [str(value) for value in X[:, 1]]
     words[place] = "-"
     with pytest.raises(DataError, match="column `v` cannot be read as numbers: it holds text"):
@@ -48,8 +48,8 @@ def test_a_column_of_text_does_not_vanish_from_the_states(library: str, place: i
             fitted(tables()[library]({**columns(), "mode": [damaged, "b"] * (ROWS // 2)}))
     # Words can be labels; that they are no signal is said.
     with pytest.warns(ff.FleetfootWarning, match="left out: column `mode`"):
-        found = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "mode": ["a", None] * (ROWS // 2)}))
-    assert found.model_.states == ("q", "v")
+        model = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "mode": ["a", None] * (ROWS // 2)}))
+    assert model.model_.states == ("q", "v")
 
 
 def test_an_object_column_with_one_dash_does_not_vanish() -> None:
@@ -82,13 +82,13 @@ def test_columns_that_are_numbers_of_another_kind_are_states() -> None:
         pyarrow.table({**rounded, "v": pyarrow.array(decimals)}),
         polars.DataFrame({**rounded, "v": decimals}),
     ):
-        found = fitted(table)
-        assert found.model_.states == ("q", "v")
-        np.testing.assert_allclose(found.coefficients(), expected.coefficients(), rtol=1e-12)
+        model = fitted(table)
+        assert model.model_.states == ("q", "v")
+        np.testing.assert_allclose(model.coefficients(), expected.coefficients(), rtol=1e-12)
 
 
 @pytest.mark.parametrize("word", ["Next", "NEXT", " next", "nxt", "Delta", "deltas", "derivate", "Derivative", "derivatives"])
-def test_words_like_those_of_targets_are_refused(word: str) -> None:
+def test_misspelt_targets_are_refused(word: str) -> None:
     for fit in (
         lambda: ff.PWA(1, target=word).fit(X, T),
         lambda: ff.PWA(1, target=word).fit(X, y=X[:, 0]),
@@ -97,8 +97,8 @@ def test_words_like_those_of_targets_are_refused(word: str) -> None:
         with pytest.raises(RequestError, match="did you mean '(next|delta|derivative)'"):
             fit()
     # A column of that name is one.
-    found = ff.PWA(1, target=word).fit(X, columns={word: X @ [1.0, 2.0]})
-    assert found.model_.outputs == (word,) or word.strip() in found.model_.outputs[0]
+    model = ff.PWA(1, target=word).fit(X, columns={word: X @ [1.0, 2.0]})
+    assert model.model_.outputs == (word,) or word.strip() in model.model_.outputs[0]
 
 
 def test_stamps_by_position_are_no_target() -> None:
@@ -120,11 +120,11 @@ def test_columns_like_words_of_targets_are_columns() -> None:
     for name in ("delta1", "next1", "ext", "derivation"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = ff.PWA(1, target=name).fit(X, y=X @ [1.0, 2.0])
-        assert found.model_.outputs == (name,)
+            model = ff.PWA(1, target=name).fit(X, y=X @ [1.0, 2.0])
+        assert model.model_.outputs == (name,)
 
 
-def test_stamps_with_lost_samples_or_as_a_column_are_no_target() -> None:
+def test_stamps_are_no_target() -> None:
     lost = np.delete(np.arange(ROWS + 4) * 0.1, [9, 10, 30, 31])
     for stamps in (lost, T[:, None], lost[:, None]):
         with pytest.raises(RequestError, match="write t= in front of stamps, or y="):
@@ -135,7 +135,7 @@ def test_stamps_with_lost_samples_or_as_a_column_are_no_target() -> None:
         fitted(pandas.DataFrame(columns()), lost, how={"target": "effort"})
 
 
-def test_text_is_named_by_its_cell() -> None:
+def test_errors_name_the_cell_of_text() -> None:
     words = [["1", "2"], ["3", "x"]]
     for given in (words, np.array(words), np.array(words, dtype=object), [[1.0, 2.0], [3.0, "x"]]):
         with pytest.raises(DataError, match="'x' in row 2, column 2, counted from 1"):
@@ -188,15 +188,15 @@ def test_a_series_that_lacks_a_state_is_refused(driven: Any) -> None:
 def test_columns_that_hold_no_signal_are_left_out(library: str) -> None:
     nested = [{"a": 1.0}] * ROWS
     with pytest.warns(ff.FleetfootWarning, match=r"columns? `gone`(, `none`)? \(no value\)"):
-        found = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "gone": [None] * ROWS}))
-    assert found.model_.states == ("q", "v")
+        fitted = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "gone": [None] * ROWS}))
+    assert fitted.model_.states == ("q", "v")
     with pytest.warns(ff.FleetfootWarning, match=r"column `deep` \(nested values\)"):
-        found = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "deep": nested}))
-    assert found.model_.states == ("q", "v")
+        fitted = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "deep": nested}))
+    assert fitted.model_.states == ("q", "v")
     dates = [datetime.date(2026, 1, 1)] * ROWS
     with pytest.warns(ff.FleetfootWarning, match=r"column `day` \(words or dates\)"):
-        found = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "day": dates}))
-    assert found.model_.states == ("q", "v")
+        fitted = ff.SINDy(library="poly(1)").fit(tables()[library]({**columns(), "day": dates}))
+    assert fitted.model_.states == ("q", "v")
 
 
 def test_durations_are_seconds_at_every_door(driven: Any) -> None:
@@ -220,9 +220,9 @@ def test_durations_are_seconds_at_every_door(driven: Any) -> None:
                 np.testing.assert_array_equal(make(dt).fit(X).coefficients(), make(0.1).fit(X).coefficients())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        own = ff.SINDy(library="poly(1)").fit(X, T, u=u, feature_names=["q", "v"], input_names=["a", "b"]).model_
-        found, wanted = (own.rollout(rows, 5, dt=dt, recipe={"time": {"dt": 0.1}}) for dt in (tenth, 0.1))
-    assert found.table == wanted.table
+        inputs_model = ff.SINDy(library="poly(1)").fit(X, T, u=u, feature_names=["q", "v"], input_names=["a", "b"]).model_
+        rollouts, wanted = (inputs_model.rollout(rows, 5, dt=dt, recipe={"time": {"dt": 0.1}}) for dt in (tenth, 0.1))
+    assert rollouts.table == wanted.table
 
 
 def test_nanoseconds_of_durations_are_kept() -> None:
@@ -235,7 +235,7 @@ def test_nanoseconds_of_durations_are_kept() -> None:
         np.testing.assert_array_equal(since_first(stamps, "t"), [np.nan, 0.0, 2.0])
 
 
-def test_uneven_stamps_of_lists_are_told() -> None:
+def test_uneven_stamps_of_lists_are_reported() -> None:
     uneven = np.cumsum(np.tile([0.1, 0.3], ROWS // 2))
     for stamps in (uneven, uneven.tolist()):
         with pytest.warns(ff.FleetfootWarning, match="t of run 0 is uneven"):
@@ -245,28 +245,28 @@ def test_uneven_stamps_of_lists_are_told() -> None:
 # -- Clocks of whole numbers
 
 
-def test_whole_numbers_as_a_clock_are_judged_as_in_files() -> None:
+def test_integer_clocks_are_read_as_in_files() -> None:
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     rows = {"q": X[:, 0], "v": X[:, 1]}
     wanted = fitted(pandas.DataFrame(rows), T)
     for name, step in (("t", 100), ("time", 100_000), ("stamp_us", 100_000)):
         table = pandas.DataFrame({name: step * np.arange(ROWS), **rows})
-        found = fitted(table, t=name)
-        assert found.model_.dt == pytest.approx(0.1)
-        np.testing.assert_allclose(found.coefficients(), wanted.coefficients(), rtol=1e-9, atol=1e-12)
-        assert found.score(table, t=name) == pytest.approx(wanted.score(pandas.DataFrame(rows), T), abs=1e-9)
+        model = fitted(table, t=name)
+        assert model.model_.dt == pytest.approx(0.1)
+        np.testing.assert_allclose(model.coefficients(), wanted.coefficients(), rtol=1e-9, atol=1e-12)
+        assert model.score(table, t=name) == pytest.approx(wanted.score(pandas.DataFrame(rows), T), abs=1e-9)
     doubtful = pandas.DataFrame({"t": np.arange(ROWS), **rows})
-    said = r'could be s \(1 Hz.* or ms \(1000 Hz.*\(recipe=\{"time": \{"column": "t", "unit": "ms"\}\}\)'
+    message = r'could be s \(1 Hz.* or ms \(1000 Hz.*\(recipe=\{"time": \{"column": "t", "unit": "ms"\}\}\)'
     for table in (doubtful, doubtful.set_index("t")):
         for how in ({}, {"states": ["q", "v"]}):
-            with pytest.raises(DataError, match=said):
+            with pytest.raises(DataError, match=message):
                 fitted(table, how=how)
-    # What is advised helps.
+    # The advice of the message helps.
     recipe = {"time": {"column": "t", "unit": "ms"}}
     for how in ({}, {"states": ["q", "v"]}):
         assert fitted(doubtful, how={**how, "recipe": recipe}).model_.dt == pytest.approx(1e-3)
     other = doubtful.rename(columns={"t": "tick"})
-    found = fitted(other, how={"recipe": {"time": {"column": "tick", "unit": "ms"}}})
-    assert found.model_.dt == pytest.approx(1e-3) and found.model_.states == ("q", "v")
+    model = fitted(other, how={"recipe": {"time": {"column": "tick", "unit": "ms"}}})
+    assert model.model_.dt == pytest.approx(1e-3) and model.model_.states == ("q", "v")
     # Beside arrays stamps are seconds.
     assert fitted(X, np.arange(ROWS)).model_.dt == 1.0

@@ -1,4 +1,4 @@
-"""What needs more memory than the process may have raises a MemoryError before it begins, and the interpreter lives."""
+"""Calls that need more memory than the process may have raise a MemoryError before they begin, and the interpreter lives."""
 
 from __future__ import annotations
 
@@ -75,16 +75,16 @@ SCRIPT = """
 def test_too_little_memory_is_an_exception(name: str) -> None:
     call, message = CALLS[name]
     # Arrays of the call itself are on top of what is left.
-    own = {"read": 30 * 8 * 4_000_000, "model rows": 8 * 20_000_000, "predict": 8 * 20_000_000}.get(name, 0)
+    array_bytes = {"read": 30 * 8 * 4_000_000, "model rows": 8 * 20_000_000, "predict": 8 * 20_000_000}.get(name, 0)
     head = f"import sys; sys.path[:0] = {[str(HERE), *sys.path]!r}\n"
     script = head + textwrap.dedent(SCRIPT).replace("{call!r}", repr(call)).replace("{call}", call)
     left = 1 << (27 if name == "filter" else 29)
-    script = script.replace("{own}", str(own)).replace("{left}", str(left))
+    script = script.replace("{own}", str(array_bytes)).replace("{left}", str(left))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-2000:]
-    said, alive = done.stdout.strip().splitlines()
-    assert said.startswith(f"OutOfMemoryError {message}") and alive == "alive", done.stdout
-    assert name != "k-means" or said.endswith("; cluster fewer rows, as X[::10]"), said
+    message_line, alive = done.stdout.strip().splitlines()
+    assert message_line.startswith(f"OutOfMemoryError {message}") and alive == "alive", done.stdout
+    assert name != "k-means" or message_line.endswith("; cluster fewer rows, as X[::10]"), message_line
 
 
 def test_the_class_is_a_memory_error() -> None:

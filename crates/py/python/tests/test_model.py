@@ -62,7 +62,7 @@ def one(past, at):
     return None if past is None else (past[0][at], past[1][at])
 
 
-def test_what_a_model_is(sindy, pwa, lagged):
+def test_model_properties(sindy, pwa, lagged):
     assert (sindy.states, sindy.inputs, sindy.outputs) == (("q", "v"), ("u",), ("d(q)/dt", "d(v)/dt"))
     assert (sindy.lags, sindy.is_continuous, sindy.dt) == (0, True, pytest.approx(0.01))
     assert (lagged.lags, lagged.is_continuous) == (2, False)
@@ -76,12 +76,12 @@ def test_what_a_model_is(sindy, pwa, lagged):
             pwa.coefficients(region=wrong)
 
 
-def test_truth_is_found(sindy):
+def test_truth_is_identified(sindy):
     """Euler's recursion, measured by forward differences, is the truth to the last digits."""
-    found = dict(zip(sindy.get_feature_names(), sindy.coefficients().T))
-    assert found["v"] == pytest.approx([1.0, -0.2], abs=1e-9)
-    assert found["sin(q)"] == pytest.approx([0.0, -9.81], abs=1e-8)
-    assert found["u"] == pytest.approx([0.0, 1.0], abs=1e-9)
+    coefficients = dict(zip(sindy.get_feature_names(), sindy.coefficients().T))
+    assert coefficients["v"] == pytest.approx([1.0, -0.2], abs=1e-9)
+    assert coefficients["sin(q)"] == pytest.approx([0.0, -9.81], abs=1e-8)
+    assert coefficients["u"] == pytest.approx([0.0, 1.0], abs=1e-9)
 
 
 def test_points_one_by_one_and_together(sindy, pwa, lagged):
@@ -156,25 +156,25 @@ def test_simulate_is_step_after_step(sindy, pwa, lagged):
     for model in (sindy, pwa, lagged):
         first = model.lags
         history = (x[:first], u[:first, None]) if first else None
-        found = model.simulate(x[first], t[first:], u[first:], history=history, method="rk4")
+        simulated = model.simulate(x[first], t[first:], u[first:], history=history, method="rk4")
         rows = [x[first]]
         for k in range(first, 59):
             before = list(x[:first]) + rows
             past = None if not first else (np.array(before[-first - 1 : -1]), u[k - first : k, None])
             rows.append(model.step(rows[-1], u[k : k + 1], t[k + 1] - t[k], history=past))
-        assert np.array_equal(found, np.array(rows))
+        assert np.array_equal(simulated, np.array(rows))
         # Open loop or closed, one point or many, a function or an array.
         same = {"history": history, "method": "rk4"}
         closed = model.simulate(x[first], t[first:], lambda time, state: u[int(round(time / 0.01))], **same)
-        np.testing.assert_allclose(closed, found, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(closed, simulated, rtol=1e-12, atol=1e-12)
         timed = model.simulate(x[first], t[first:], lambda time: u[int(round(time / 0.01))], **same)
         lines = model.simulate(x[first], t[first:], u[first:], interpolate=True, **same)
-        assert np.array_equal(timed, lines) and np.array_equal(lines, found) == (not model.is_continuous)
+        assert np.array_equal(timed, lines) and np.array_equal(lines, simulated) == (not model.is_continuous)
         both = model.simulate(np.stack([x[first], 0.5 * x[first]]), t[first:], u[first:], history=history, method="rk4")
-        assert both.shape == (2, 60 - first, 2) and np.array_equal(both[0], found)
-        own = np.stack([u[first:, None], 2 * u[first:, None]])
-        pair = model.simulate(np.stack([x[first], x[first]]), t[first:], own, history=history, method="rk4")
-        assert np.array_equal(pair[0], found) and not np.array_equal(pair[1], found)
+        assert both.shape == (2, 60 - first, 2) and np.array_equal(both[0], simulated)
+        inputs = np.stack([u[first:, None], 2 * u[first:, None]])
+        pair = model.simulate(np.stack([x[first], x[first]]), t[first:], inputs, history=history, method="rk4")
+        assert np.array_equal(pair[0], simulated) and not np.array_equal(pair[1], simulated)
 
 
 def test_simulate_is_the_rollout_on_a_recording(sindy, pwa, lagged):
@@ -185,23 +185,23 @@ def test_simulate_is_the_rollout_on_a_recording(sindy, pwa, lagged):
         rolled = model.rollout(data, 50, starts=[(0, 10)], keep=True)
         (trajectory,) = rolled["trajectories"]
         history = (x[10 - model.lags : 10], u[10 - model.lags : 10, None]) if model.lags else None
-        found = model.simulate(x[10], np.arange(51) * 0.01, u[10:], history=history, method="rk4")
-        np.testing.assert_allclose(trajectory["x"], found, rtol=1e-11, atol=1e-12)
+        simulated = model.simulate(x[10], np.arange(51) * 0.01, u[10:], history=history, method="rk4")
+        np.testing.assert_allclose(trajectory["x"], simulated, rtol=1e-11, atol=1e-12)
         assert trajectory["end"] == "horizon" and trajectory["region"].shape == (50,)
         assert len(rolled["time"]) == 50 and "persistence" in rolled["baselines"]
 
 
-def test_rollouts_tell_distances_and_mind_the_training_domain():
+def test_rollouts_report_distances_and_training_domain():
     t = np.arange(60) * 0.1
     model = ff.PWA(1, target="next", folds=0).fit(np.exp(t), t, feature_names=["x"]).model_
     longer = ff.open({"x": np.exp(np.arange(90) * 0.1)}, dt=0.1)
     asked = {"starts": [(0, 20)], "position": ["x"], "keep": True}
-    found = {how: model.rollout(longer, 50, outside=how, **asked) for how in ("tell", "end", "hold")}
-    assert [found[how]["trajectories"][0]["end"] for how in found] == ["horizon", "left domain", "horizon"]
-    assert [found[how]["ended_outside"] for how in found] == [0, 1, 0]
-    last = {how: found[how]["model"]["displacement"][-1][0] for how in found}
+    reports = {how: model.rollout(longer, 50, outside=how, **asked) for how in ("tell", "end", "hold")}
+    assert [reports[how]["trajectories"][0]["end"] for how in reports] == ["horizon", "left domain", "horizon"]
+    assert [reports[how]["ended_outside"] for how in reports] == [0, 1, 0]
+    last = {how: reports[how]["model"]["displacement"][-1][0] for how in reports}
     assert last["tell"] < 1e-6 * last["end"] and last["hold"] > 1
-    for report in found.values():
+    for report in reports.values():
         # One state: the distance is its absolute error; a whole rollout is summed up from its steps.
         steps = np.array([step[0] for step in report["model"]["displacement"]])
         np.testing.assert_allclose(steps, np.array(report["model"]["mae"])[:, 0], rtol=1e-12, atol=1e-300)
@@ -230,7 +230,7 @@ def test_scores_of_paths_equal_numpy_and_dtaidistance():
     data = opened[0] + opened[1] + opened[2]
     model = ff.PWA("average", states=["x", "y"], inputs=["rx", "ry"], target="delta").fit(data).model_
     options = {"starts": 9, "position": ["x", "y"], "interval": 5, "band": 7, "keep": True}
-    told = model.rollout(data, 60, reference={"d(x)/dt": "rx", "d(y)/dt": "ry"}, **options)
+    rollouts = model.rollout(data, 60, reference={"d(x)/dt": "rx", "d(y)/dt": "ry"}, **options)
     def scores(a, b):
         distance = np.linalg.norm(a - b, axis=1)
         da, db = np.diff(a, axis=0), np.diff(b, axis=0)
@@ -240,25 +240,25 @@ def test_scores_of_paths_equal_numpy_and_dtaidistance():
         return distance[1:].mean(), cosine.mean(), ((later - now) / now).mean(), warped
 
     pairs = {"model": [], "reference": [], "beside": []}
-    for one in told["trajectories"]:
+    for one in rollouts["trajectories"]:
         rows = tables[one["episode"]][one["row"] :][:61]
-        real, own = rows[:, :2], one["x"]
+        real, simulated = rows[:, :2], one["x"]
         ideal = real[0] + np.vstack([np.zeros(2), np.cumsum(rows[:60, 2:] * 0.05, axis=0)])
-        for name, (a, b) in {"model": (own, real), "reference": (ideal, real), "beside": (own, ideal)}.items():
+        for name, (a, b) in {"model": (simulated, real), "reference": (ideal, real), "beside": (simulated, ideal)}.items():
             pairs[name].append(scores(a, b))
-    found = {"model": told["model"], "reference": told["baselines"]["reference"], "beside": told["beside_reference"]}
-    for name, report in found.items():
+    reports = {"model": rollouts["model"], "reference": rollouts["baselines"]["reference"], "beside": rollouts["beside_reference"]}
+    for name, report in reports.items():
         path = report["path"]
         average = report["displacement_summary"]["average"]["value"]
         values = [path[key]["value"] for key in ("average_alignment", "propagated_error", "warping_distance")]
         np.testing.assert_allclose([average, *values], np.mean(pairs[name], axis=0), rtol=1e-9)
     errors = np.concatenate(
-        [tables[one["episode"]][one["row"] + 1 :][:60, :2] - one["x"][1:] for one in told["trajectories"]]
+        [tables[one["episode"]][one["row"] + 1 :][:60, :2] - one["x"][1:] for one in rollouts["trajectories"]]
     )
-    values = np.concatenate([tables[one["episode"]][one["row"] + 1 :][:60, :2] for one in told["trajectories"]])
+    values = np.concatenate([tables[one["episode"]][one["row"] + 1 :][:60, :2] for one in rollouts["trajectories"]])
     for state in range(2):
         share = 1 - errors[:, state].var() / values[:, state].var()
-        np.testing.assert_allclose(told["model"]["explained_variance"][state]["value"], share, rtol=1e-9)
+        np.testing.assert_allclose(rollouts["model"]["explained_variance"][state]["value"], share, rtol=1e-9)
     with pytest.raises(ff.exceptions.FleetfootError, match="rz"):
         model.rollout(data, 60, reference={"x": "rz"})
 
@@ -300,9 +300,9 @@ def test_exported_python_computes_the_same(sindy, pwa, tmp_path):
         assert module.STATES == model.states and module.INPUTS == model.inputs
         x, u, _ = points(model)
         for at in range(20):
-            own = getattr(module, name.capitalize())(x[at])
-            assert own.step(list(u[at]), 0.03) > module.NOT_FINITE
-            np.testing.assert_allclose(own.x, model.step(x[at], u[at], 0.03), rtol=1e-12, atol=1e-12)
+            exported = getattr(module, name.capitalize())(x[at])
+            assert exported.step(list(u[at]), 0.03) > module.NOT_FINITE
+            np.testing.assert_allclose(exported.x, model.step(x[at], u[at], 0.03), rtol=1e-12, atol=1e-12)
     for to, suffixes in {"c": {".c", ".h"}, "rust": {".rs"}, "latex": {".tex"}, "npz": {".npz"}}.items():
         files = pwa.export(to, tmp_path / to)
         assert suffixes <= {file[file.rindex(".") :] for file in files}
@@ -372,29 +372,29 @@ def test_bad_calls_are_refused(sindy, lagged):
         sindy.rollout(ff.open({"q": np.zeros(9), "v": np.zeros(9), "u": np.zeros(9)}, dt=0.01), 100)
 
 
-def test_divergence_is_told():
+def test_divergence_is_reported():
     t = np.arange(200) * 0.01
     fit = ff.SINDy(library=["x0^2"], terms=1).fit(1 / (3 - t), t)
     with pytest.warns(ff.FleetfootWarning, match="no finite number"):
-        found = fit.simulate([1.0], np.arange(0, 400.0))
-    bad = np.isnan(found[:, 0])
+        simulated = fit.simulate([1.0], np.arange(0, 400.0))
+    bad = np.isnan(simulated[:, 0])
     assert bad.any() and not bad[0] and (np.diff(bad.astype(int)) >= 0).all()
 
 
 def test_two_threads_fit_at_once():
     t, x, u = pendulum(800)
     alone = ff.PWA(4).fit(x, t, u=u, **NAMES).coefficients()
-    found = [None, None]
+    results = [None, None]
 
     def work(at):
-        found[at] = ff.PWA(4).fit(x, t, u=u, **NAMES).coefficients()
+        results[at] = ff.PWA(4).fit(x, t, u=u, **NAMES).coefficients()
 
     threads = [threading.Thread(target=work, args=(at,)) for at in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert all(np.array_equal(one, alone) for one in found)
+    assert all(np.array_equal(one, alone) for one in results)
 
 
 def test_inputs_are_read_not_kept(sindy):
@@ -404,8 +404,8 @@ def test_inputs_are_read_not_kept(sindy):
     assert sys.getrefcount(x) == before
 
 
-def test_an_alias_is_simulated_as_its_text_is():
-    """What follows from states and inputs is computed from the simulated ones, and is no input."""
+def test_alias_is_simulated_like_its_text():
+    """Columns that follow from states and inputs are computed from the simulated ones, and are no inputs."""
     t, x, u = pendulum()
     data = {"t": t, "angle": x[:, 0], "rate": x[:, 1], "torque": u}
     recipe = {
@@ -417,10 +417,10 @@ def test_an_alias_is_simulated_as_its_text_is():
     libraries = ["v", "drag", "pull", "u"], ["v", "v*abs(v)", "sin(q) - 0.1*u", "u"]
     aliased, inlined = (ff.SINDy(library=library, terms=3).fit(opened).model_ for library in libraries)
     assert aliased.inputs == inlined.inputs == ("u",)
-    found = [model.simulate(x[0], t[:400], u[:400]) for model in (aliased, inlined)]
-    assert found[0].tobytes() == found[1].tobytes()
+    simulated = [model.simulate(x[0], t[:400], u[:400]) for model in (aliased, inlined)]
+    assert simulated[0].tobytes() == simulated[1].tobytes()
     for model in (aliased, inlined):
         report = model.rollout(opened, 50, starts=20)
         assert report["replayed"] == ["u"]
-    own = [model.rollout(opened, 50, starts=20)["model"] for model in (aliased, inlined)]
-    assert own[0] == own[1]
+    scores = [model.rollout(opened, 50, starts=20)["model"] for model in (aliased, inlined)]
+    assert scores[0] == scores[1]

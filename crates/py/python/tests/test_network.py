@@ -24,27 +24,27 @@ def fit(curved, **options):
     return ff.Network(target="y", inputs=["x", "z"], effort="low", **options).fit(ff.open(table(curved), dt=1.0))
 
 
-def test_a_surface_gets_a_network_whose_values_are_those_of_numpy():
-    found = fit(True, hidden=[8, 6])
-    report = found.report_
-    assert [own["name"] for own in report["candidates"]] == ["linear", "network 8-6"] and report["chosen"] == 1
+def test_network_of_a_surface_matches_numpy():
+    fitted = fit(True, hidden=[8, 6])
+    report = fitted.report_
+    assert [candidate["name"] for candidate in report["candidates"]] == ["linear", "network 8-6"] and report["chosen"] == 1
     assert report["held_out"][0]["rmse"] < 0.3 * report["held_out"][0]["mean"]
-    latent = json.loads(found.model_.to_json())["model"]["latents"][0]
-    own = latent["network"]["hidden"]
+    latent = json.loads(fitted.model_.to_json())["model"]["latents"][0]
+    network = latent["network"]["hidden"]
     x = np.column_stack([table(True)["x"], table(True)["z"]])
-    units = (x[:, own["inputs"]] - own["centre"]) / own["scale"]
-    for layer in own["layers"]:
+    units = (x[:, network["inputs"]] - network["centre"]) / network["scale"]
+    for layer in network["layers"]:
         units = np.tanh(units @ np.array(layer["weights"]).T + layer["biases"])
     design = np.column_stack([np.ones(len(x)), x, units])
-    assert found.get_feature_names() == ["1", "x", "z", *(f"unit{k}" for k in range(1, 7))]
-    np.testing.assert_allclose(found.predict(None, x).ravel(), design @ found.coefficients().ravel(), atol=1e-12)
-    assert "network_" in found.model_.equations()[0]
+    assert fitted.get_feature_names() == ["1", "x", "z", *(f"unit{k}" for k in range(1, 7))]
+    np.testing.assert_allclose(fitted.predict(None, x).ravel(), design @ fitted.coefficients().ravel(), atol=1e-12)
+    assert "network_" in fitted.model_.equations()[0]
 
 
 def test_a_plane_gets_the_linear_model():
-    found = fit(False)
-    assert found.report_["chosen"] == 0 and found.model_.method == "network linear"
-    assert any("linear model is written" in note for note in found.report_["notes"])
+    fitted = fit(False)
+    assert fitted.report_["chosen"] == 0 and fitted.model_.method == "network linear"
+    assert any("linear model is written" in note for note in fitted.report_["notes"])
 
 
 @pytest.mark.skipif("FLEETFOOT_BIN" not in os.environ, reason="the command is not there")
@@ -56,10 +56,10 @@ def test_the_command_writes_the_same_model(tmp_path):
     written = ff.load(tmp_path / "net.json")
     model = ff.Network(8, target="y", inputs=["x", "z"], effort="low", seed=4, dt=1.0)
     same = model.fit(ff.open(str(tmp_path / "log.csv"), dt=1.0)).model_
-    latents = [json.loads(own.to_json())["model"]["latents"] for own in (written, same)]
+    latents = [json.loads(model_file.to_json())["model"]["latents"] for model_file in (written, same)]
     assert latents[0] == latents[1]
 
 
-def test_what_cannot_be_trained_is_said():
+def test_untrainable_networks_are_refused():
     with pytest.raises(RequestError, match="units of every hidden layer"):
         fit(True, hidden=[0])

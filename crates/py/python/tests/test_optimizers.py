@@ -100,7 +100,7 @@ def test_one_target_is_as_one_of_many(name: str) -> None:
     assert ours.coef_.shape == (1, 8) and ours.predict(X).shape == (len(X),)
 
 
-def test_guesses_end_stlsq_and_start_sr3_as_there() -> None:
+def test_initial_guesses_match_pysindy() -> None:
     X, y = _library()
     with pytest.warns(ConvergenceWarning):
         first = ff.STLSQ(threshold=0.2, max_iter=1, unbias=False).fit(X, y).coef_
@@ -115,7 +115,7 @@ def test_guesses_end_stlsq_and_start_sr3_as_there() -> None:
         ff.STLSQ(initial_guess=np.ones(3)).fit(X, y)
 
 
-def test_weights_of_single_coefficients_are_those_of_pysindy() -> None:
+def test_weights_of_coefficients_match_pysindy() -> None:
     X, y = _library()
     weights = np.random.RandomState(2).uniform(0.0, 0.05, (2, 8))
     for regularizer in ("weighted_l0", "weighted_L1", "weighted_l2"):
@@ -123,7 +123,7 @@ def test_weights_of_single_coefficients_are_those_of_pysindy() -> None:
         _same(*_both("SR3", options, X, y), options)
 
 
-def test_columns_that_are_always_in_are_neither_penalised_nor_dropped() -> None:
+def test_fixed_columns_are_neither_penalised_nor_dropped() -> None:
     X, y = _library()
     chosen = [1, 3, 4, 5, 6, 7]
     model = ff.STLSQ(threshold=0.1, alpha=0.5, sparse_ind=chosen, unbias=False).fit(X, y)
@@ -140,7 +140,7 @@ def test_columns_that_are_always_in_are_neither_penalised_nor_dropped() -> None:
     np.testing.assert_allclose(model.coef_, theirs.coef_, rtol=1e-9, atol=1e-10)
 
 
-def test_missing_rows_are_left_out_and_missing_values_are_not() -> None:
+def test_rows_without_target_are_left_out() -> None:
     X, y = _library()
     gone, left = y.copy(), np.arange(len(y)) % 7 != 0
     gone[~left] = np.nan
@@ -179,7 +179,7 @@ def test_models_of_pysindy_are_the_same_with_ours_inside(name: str, options: dic
 
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("normalize", [False, True])
-def test_rows_that_fit_worst_are_given_up_as_there(normalize: bool, weighted: bool) -> None:
+def test_trimmed_rows_match_pysindy(normalize: bool, weighted: bool) -> None:
     X, y = _library()
     y = y.copy()
     y[[5, 50, 120]] += 30.0
@@ -199,19 +199,19 @@ def test_shares_of_rows_are_the_nearest() -> None:
     random = np.random.default_rng(3)
     for count, fraction in [(1, 0.5), (7, 0.3), (40, 0.0), (40, 0.95), (200, 0.1)]:
         values = random.normal(0.5, 1.5, count)
-        found = on_capped_simplex(values, fraction)
-        assert found.min() >= 0.0 and found.max() <= 1.0
-        assert found.sum() == pytest.approx((1.0 - fraction) * count)
+        shares = on_capped_simplex(values, fraction)
+        assert shares.min() >= 0.0 and shares.max() <= 1.0
+        assert shares.sum() == pytest.approx((1.0 - fraction) * count)
         # The optimality conditions: one shift for all that are between the bounds, more of it below, less above.
-        shift = values - found
-        between = (found > 0.0) & (found < 1.0)
+        shift = values - shares
+        between = (shares > 0.0) & (shares < 1.0)
         if between.any():
             level = shift[between]
             assert np.ptp(level) < 1e-12
-            assert (shift[found == 0.0] <= level[0] + 1e-12).all() and (shift[found == 1.0] >= level[0] - 1e-12).all()
+            assert (shift[shares == 0.0] <= level[0] + 1e-12).all() and (shift[shares == 1.0] >= level[0] - 1e-12).all()
 
 
-def test_what_is_not_supported_names_itself() -> None:
+def test_unsupported_options_are_named() -> None:
     X, y = _library()
     with pytest.raises(NotImplementedError, match="regularizer"):
         ff.SR3(regularizer="l7")
@@ -253,13 +253,13 @@ def test_options_without_effect_in_sindy_are_refused() -> None:
     t = np.arange(300) * 0.01
     x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
     ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
-    for optimizer, said in (
+    for optimizer, option in (
         (ff.SR3(max_iter=7), "max_iter=7"),
         (ff.SR3(tol=0.1), "tol=0.1"),
         (ps.SR3(max_iter=7), "max_iter=7"),
         (ps.SSR(max_iter=7), "max_iter=7"),
     ):
-        with pytest.raises(ff.exceptions.RequestError, match=f"with {said} is not supported"):
+        with pytest.raises(ff.exceptions.RequestError, match=f"with {option} is not supported"):
             ff.SINDy(optimizer, library="poly(1)").fit(x, t)
     for optimizer in (ff.SR3(), ps.SR3(), ps.SSR(), ps.EnsembleOptimizer(ps.STLSQ(threshold=0.5), bagging=True, n_models=9)):
         assert ff.SINDy(optimizer, library="poly(1)").fit(x, t).complexity >= 2

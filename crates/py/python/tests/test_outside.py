@@ -29,14 +29,14 @@ def arrays():
 
 def hdf5(path):
     """Groups, structs, a text, a setting and an empty array."""
-    own = arrays()
+    columns = arrays()
     with h5py.File(path, "w") as file:
-        file["t"] = own["t"]
-        file.create_dataset("imu/gyro", data=own["gyro"], compression="gzip", chunks=(50, 3))
-        file["imu/count"] = own["count"]
-        file["flag"] = own["flag"]
+        file["t"] = columns["t"]
+        file.create_dataset("imu/gyro", data=columns["gyro"], compression="gzip", chunks=(50, 3))
+        file["imu/count"] = columns["count"]
+        file["flag"] = columns["flag"]
         pose = np.zeros(ROWS, dtype=[("x", "f8"), ("y", ">f4")])
-        pose["x"], pose["y"] = own["gyro"][:, 0], own["gyro"][:, 1]
+        pose["x"], pose["y"] = columns["gyro"][:, 0], columns["gyro"][:, 1]
         file["pose"] = pose
         file["robot"] = "name"
         file["mass"] = 1.5
@@ -47,11 +47,11 @@ def hdf5(path):
 
 def matlab(path):
     """A file as `save -v7.3` writes it: MATLAB's head, transposed matrices and marked texts."""
-    own = arrays()
+    columns = arrays()
     with h5py.File(path, "w", userblock_size=512) as file:
-        file["t"] = own["t"][None, :]
-        file["imu/gyro"] = own["gyro"].T
-        file["imu/count"] = own["count"][:, None].astype(float).T
+        file["t"] = columns["t"][None, :]
+        file["imu/gyro"] = columns["gyro"].T
+        file["imu/count"] = columns["count"][:, None].astype(float).T
         text = file.create_dataset("robot", data=np.zeros((ROWS, 1), dtype=np.uint16))
         text.attrs["MATLAB_class"] = np.bytes_("char")
         file["t"].attrs["MATLAB_class"] = np.bytes_("double")
@@ -67,43 +67,43 @@ def read(source, names):
 
 
 def test_hdf5_gives_the_numbers_that_h5py_wrote(tmp_path):
-    own, path = arrays(), hdf5(tmp_path / "run.h5")
-    with pytest.warns(UserWarning) as told:
+    columns, path = arrays(), hdf5(tmp_path / "run.h5")
+    with pytest.warns(UserWarning) as warned:
         data = ff.open(path)
-    messages = " ".join(str(one.message) for one in told)
+    messages = " ".join(str(one.message) for one in warned)
     assert "other lengths than 400 rows: gains" in messages and "no numbers: robot" in messages
     assert data.names == [str(path)]
     names = ["imu.gyro[0]", "imu.gyro[1]", "imu.gyro[2]", "imu.count", "flag", "pose.x", "pose.y"]
     table = ff.read(data, names)
-    np.testing.assert_allclose(table["t"], own["t"], atol=1e-12)
+    np.testing.assert_allclose(table["t"], columns["t"], atol=1e-12)
     for at in range(3):
-        np.testing.assert_array_equal(table[f"imu.gyro[{at}]"], own["gyro"][:, at])
-    np.testing.assert_array_equal(table["imu.count"], own["count"])
-    np.testing.assert_array_equal(table["flag"], own["flag"])
-    np.testing.assert_array_equal(table["pose.x"], own["gyro"][:, 0])
-    np.testing.assert_array_equal(table["pose.y"], own["gyro"][:, 1].astype(np.float32))
+        np.testing.assert_array_equal(table[f"imu.gyro[{at}]"], columns["gyro"][:, at])
+    np.testing.assert_array_equal(table["imu.count"], columns["count"])
+    np.testing.assert_array_equal(table["flag"], columns["flag"])
+    np.testing.assert_array_equal(table["pose.x"], columns["gyro"][:, 0])
+    np.testing.assert_array_equal(table["pose.y"], columns["gyro"][:, 1].astype(np.float32))
 
 
 def test_matlab_73_is_read_by_h5py(tmp_path):
-    own, path = arrays(), matlab(tmp_path / "run.mat")
+    columns, path = arrays(), matlab(tmp_path / "run.mat")
     with pytest.warns(UserWarning, match="no numbers: robot"):
         data = ff.open(str(path))
     names = ["imu.gyro[0]", "imu.gyro[1]", "imu.gyro[2]", "imu.count"]
     table = ff.read(data, names)
-    np.testing.assert_allclose(table["t"], own["t"], atol=1e-12)
+    np.testing.assert_allclose(table["t"], columns["t"], atol=1e-12)
     for at in range(3):
-        np.testing.assert_array_equal(table[f"imu.gyro[{at}]"], own["gyro"][:, at])
-    np.testing.assert_array_equal(table["imu.count"], own["count"])
+        np.testing.assert_array_equal(table[f"imu.gyro[{at}]"], columns["gyro"][:, at])
+    np.testing.assert_array_equal(table["imu.count"], columns["count"])
 
 
 def table():
-    own = arrays()
+    columns = arrays()
     return pa.table(
         {
-            "t": own["t"],
-            "x": own["gyro"][:, 0],
-            "count": own["count"],
-            "flag": own["flag"],
+            "t": columns["t"],
+            "x": columns["gyro"][:, 0],
+            "count": columns["count"],
+            "flag": columns["flag"],
             "place": pa.array([["a", "b"][row % 2] for row in range(ROWS)]).dictionary_encode(),
         }
     )
@@ -129,7 +129,7 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("kind", WRITERS)
-def test_arrow_files_and_streams_give_the_numbers_of_their_table(kind, tmp_path):
+def test_arrow_files_and_streams_equal_tables(kind, tmp_path):
     path = str(tmp_path / ("run.feather" if kind.startswith("feather") else "run.arrow"))
     wanted = table()
     WRITERS[kind](path, wanted)
@@ -183,5 +183,5 @@ def test_the_command_names_this_way(tmp_path):
     if not binary:
         pytest.skip("FLEETFOOT_BIN is not set")
     for path, package in ((hdf5(tmp_path / "run.h5"), "h5py"), (matlab(tmp_path / "run.mat"), "h5py")):
-        told = subprocess.run([binary, "info", str(path)], capture_output=True, text=True, check=False)
-        assert told.returncode == 1 and f'ff.open("{path.name}")' in told.stderr and package in told.stderr, told.stderr
+        process = subprocess.run([binary, "info", str(path)], capture_output=True, text=True, check=False)
+        assert process.returncode == 1 and f'ff.open("{path.name}")' in process.stderr and package in process.stderr, process.stderr

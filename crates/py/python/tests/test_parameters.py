@@ -26,49 +26,49 @@ def oscillator(seed, rows=300, dt=0.05):
     return noisy, dt * np.arange(rows)
 
 
-def test_parameters_lie_in_their_intervals_and_stand_in_the_model():
+def test_intervals_hold_parameters_of_the_model():
     runs = [oscillator(seed) for seed in range(5)]
-    found = ff.Parameters({"mu": 1.0, "k": {"initial": 0.8, "bounds": [0.1, 5.0]}}, known=KNOWN)
-    found.fit([x for x, _ in runs], [t for _, t in runs], **NAMES)
-    values = {one["name"]: one for one in found.report_["parameters"]}
+    fitted = ff.Parameters({"mu": 1.0, "k": {"initial": 0.8, "bounds": [0.1, 5.0]}}, known=KNOWN)
+    fitted.fit([x for x, _ in runs], [t for _, t in runs], **NAMES)
+    values = {one["name"]: one for one in fitted.report_["parameters"]}
     for name, truth in (("mu", 1.2), ("k", 1.0)):
         low, high = values[name]["interval"]
         assert low < values[name]["value"] < high and abs(values[name]["value"] - truth) < high - low < 0.1
-    assert found.report_["converged"] and found.report_["segments"] == 5
-    assert found.report_["held_out"]["over_persistence"] < 0.2
+    assert fitted.report_["converged"] and fitted.report_["segments"] == 5
+    assert fitted.report_["held_out"]["over_persistence"] < 0.2
 
 
-def test_what_is_said_reaches_the_recipe():
-    given = ff.Parameters({"k": 1.0}, method="equation-error", segment=20, compare=["x"], folds=0)._own_recipe()
+def test_arguments_reach_the_recipe():
+    given = ff.Parameters({"k": 1.0}, method="equation-error", segment=20, compare=["x"], folds=0)._method_recipe()
     assert given == {
         "estimate": {"method": "equation-error", "segment": 20, "compare": "`x`", "folds": 0},
         "parameters": {"k": {"initial": 1.0}},
     }
-    assert ff.Parameters()._own_recipe() == {}
+    assert ff.Parameters()._method_recipe() == {}
 
 
 def test_equation_error_is_pulled_by_noise_and_fixed_stays():
     x, t = oscillator(1)
-    found = ff.Parameters({"mu": 1.0, "k": {"initial": 1.0, "fixed": True}}, known=KNOWN, method="equation-error", folds=0)
-    found.fit(x, t, **NAMES)
-    mu, k = found.report_["parameters"]
+    fitted = ff.Parameters({"mu": 1.0, "k": {"initial": 1.0, "fixed": True}}, known=KNOWN, method="equation-error", folds=0)
+    fitted.fit(x, t, **NAMES)
+    mu, k = fitted.report_["parameters"]
     assert k["value"] == 1.0 and k["fixed"] and abs(mu["value"] - 1.2) < 0.3
 
 
-def test_filter_error_tells_its_gains():
+def test_filter_error_reports_gains():
     x, t = oscillator(1)
-    found = ff.Parameters({"mu": 1.0, "k": 1.0}, known=KNOWN, method="filter-error", folds=0).fit(x, t, **NAMES)
-    assert found.report_["method"] == "filter-error" and found.report_["converged"]
-    for one, truth in zip(found.report_["parameters"], (1.2, 1.0)):
+    fitted = ff.Parameters({"mu": 1.0, "k": 1.0}, known=KNOWN, method="filter-error", folds=0).fit(x, t, **NAMES)
+    assert fitted.report_["method"] == "filter-error" and fitted.report_["converged"]
+    for one, truth in zip(fitted.report_["parameters"], (1.2, 1.0)):
         low, high = one["interval"]
         assert low < high and abs(one["value"] - truth) < high - low < 0.2
     # The dynamics are exact: measurements are hardly believed.
-    assert [gain["name"] for gain in found.report_["gains"]] == ["x", "v"]
-    assert all(0.0 <= gain["value"] < 0.2 for gain in found.report_["gains"])
-    assert np.allclose(np.sqrt(np.diag(found.report_["innovations"])), 0.02, rtol=0.2)
+    assert [gain["name"] for gain in fitted.report_["gains"]] == ["x", "v"]
+    assert all(0.0 <= gain["value"] < 0.2 for gain in fitted.report_["gains"])
+    assert np.allclose(np.sqrt(np.diag(fitted.report_["innovations"])), 0.02, rtol=0.2)
 
 
-def test_a_state_without_an_equation_is_told():
+def test_state_without_equation_is_reported():
     x, t = oscillator(1)
     with pytest.raises(ff.exceptions.RequestError, match="known"):
         ff.Parameters({"mu": 1.0}, known={"x": "v"}).fit(x, t, **NAMES)
@@ -86,9 +86,9 @@ def test_matrices_stay_positive_definite():
     kept = {"mobility": {"matrix": [["A"], ["B", "C"]], "at_least": 0.03}}
 
     def fit(**more):
-        found = ff.Parameters(start, known=known, states=["v", "w"], inputs=["f", "g"], folds=0, **more).fit(data).report_
-        a, b, c = (one["value"] for one in found["parameters"])
-        return np.linalg.eigvalsh([[a, b], [b, c]])[0], found
+        report = ff.Parameters(start, known=known, states=["v", "w"], inputs=["f", "g"], folds=0, **more).fit(data).report_
+        a, b, c = (one["value"] for one in report["parameters"])
+        return np.linalg.eigvalsh([[a, b], [b, c]])[0], report
 
     free, plain = fit()
     bound, report = fit(constraints=kept)
@@ -97,4 +97,4 @@ def test_matrices_stay_positive_definite():
     assert limit["free_nearest"] == pytest.approx(free - 0.03, abs=1e-9) and limit["cuts"] == 1
     noise = [(one["deviation"], one["free_deviation"]) for one in report["noise"]]
     assert [one[1] for one in noise] == pytest.approx([one["deviation"] for one in plain["noise"]], rel=1e-9)
-    assert np.prod([own / other for own, other in noise]) > 1.0
+    assert np.prod([bounded / other for bounded, other in noise]) > 1.0

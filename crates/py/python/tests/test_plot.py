@@ -35,9 +35,9 @@ def test_path_of_a_tuple_and_an_estimator():
         alphas_, coef_path_ = [ALPHAS, ALPHAS], [COEFS, 2 * COEFS]
         feature_names_in_ = np.array(["a", "b", "c"])
 
-    own = plt.figure().add_subplot()
-    assert ff.plot.path(Fitted(), target=1, ax=own) is own
-    assert max(line.get_ydata().max() for line in own.lines if len(line.get_ydata()) == 4) == 1.8
+    axes = plt.figure().add_subplot()
+    assert ff.plot.path(Fitted(), target=1, ax=axes) is axes
+    assert max(line.get_ydata().max() for line in axes.lines if len(line.get_ydata()) == 4) == 1.8
     with pytest.raises(TypeError, match="coef_path_"):
         ff.plot.path(object())
     with pytest.raises(ValueError, match="2 names"):
@@ -116,7 +116,7 @@ def _swings(count=3):
     return t, [x + 1e-3 * rng.normal(size=x.shape) for x in clean]
 
 
-def test_a_fitted_model_draws_its_coefficients_with_intervals():
+def test_coefficients_are_drawn_with_intervals():
     t, runs = _swings()
     fitted = ff.SINDy().fit(runs[0], t, feature_names=["q", "v"])
     ax = fitted.plot(target="d(v)/dt")
@@ -128,23 +128,23 @@ def test_a_fitted_model_draws_its_coefficients_with_intervals():
     assert high - low == pytest.approx(2 * 1.96 * terms[0]["standard_error"])
     # A model alone does not know how well its coefficients are known.
     assert fitted.model_.plot(target=1).get_xlabel() == "coefficient"
-    own = plt.figure().add_subplot()
-    assert fitted.model_.plot(ax=own) is own and own.get_title() == "d(q)/dt"
+    axes = plt.figure().add_subplot()
+    assert fitted.model_.plot(ax=axes) is axes and axes.get_title() == "d(q)/dt"
     with pytest.raises(ValueError, match="speed"):
         fitted.plot(target="speed")
     with pytest.raises(ValueError, match="region=3"):
         fitted.plot(region=3)
 
 
-def test_a_model_draws_what_it_predicts_beside_what_was_measured():
+def test_predictions_are_drawn_beside_measurements():
     t, runs = _swings()
     model = ff.PWA(1).fit(runs[:2], t, feature_names=["q", "v"]).model_
     data = ff.open([{"q": run[:, 0], "v": run[:, 1]} for run in runs], dt=0.01)
     ax = model.plot(data, target="d(v)/dt", episode=2)
-    found = model.predict(data)
-    rows = found["episode"] == 2
-    np.testing.assert_array_equal(ax.lines[0].get_ydata(), found["measured"][rows, 1])
-    np.testing.assert_array_equal(ax.lines[1].get_ydata(), found["predicted"][rows, 1])
+    predicted = model.predict(data)
+    rows = predicted["episode"] == 2
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), predicted["measured"][rows, 1])
+    np.testing.assert_array_equal(ax.lines[1].get_ydata(), predicted["predicted"][rows, 1])
     assert ax.lines[0].get_xdata()[-1] == pytest.approx(4.99) and ax.get_ylabel().startswith("d(v)/dt")
     with pytest.raises(ValueError, match="episode=7"):
         model.plot(data, episode=7)
@@ -162,24 +162,24 @@ def test_data_draw_their_channels_and_gaps():
     assert gap.get_x() == pytest.approx(0.99) and gap.get_x() + gap.get_width() == pytest.approx(3.0)
     (one,) = data.plot(["q*v"])
     np.testing.assert_allclose(one.lines[0].get_ydata(), (np.sin(t) * np.cos(t))[:100])
-    own = plt.figure().subplots(3)
+    axes = plt.figure().subplots(3)
     with pytest.raises(ValueError, match="3 axes for 2 channels"):
-        data.plot(ax=own)
+        data.plot(ax=axes)
 
 
 def test_a_comparison_draws_errors_with_intervals():
     t, runs = _swings(6)
     model = ff.PWA(1).fit(runs[:2], t, feature_names=["q", "v"]).model_
     data = ff.open([{"q": run[:, 0], "v": run[:, 1]} for run in runs[2:]], dt=0.01)
-    found = ff.compare({"affine": model, "decay": lambda x, u: -x}, data)
-    ax = found.plot()
+    comparison = ff.compare({"affine": model, "decay": lambda x, u: -x}, data)
+    ax = comparison.plot()
     assert [label.get_text() for label in ax.get_yticklabels()] == ["d(q)/dt", "d(v)/dt"]
-    cell = {(row["model"], row["target"]): row for row in found.table}
+    cell = {(row["model"], row["target"]): row for row in comparison.table}
     values = ax.containers[0][0].get_xdata()
     assert values[1] == pytest.approx(cell["affine", "d(v)/dt"]["rmse"] / cell["null", "d(v)/dt"]["rmse"])
-    ax = found.plot("d(v)/dt")
+    ax = comparison.plot("d(v)/dt")
     labels = [container.get_label() for container in ax.containers]
     assert labels == ["affine", "decay", "null", "persistence"] and ax.get_xlabel().startswith("RMSE")
     assert ax.containers[0][0].get_xdata()[0] == pytest.approx(cell["affine", "d(v)/dt"]["rmse"])
     with pytest.raises(ValueError, match="speed"):
-        found.plot("speed")
+        comparison.plot("speed")

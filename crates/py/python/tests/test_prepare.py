@@ -48,7 +48,7 @@ def test_a_clean_episode_has_the_derivative_and_fits_unchanged(swing, tmp_path):
     assert "q_dot" in str(model)
 
 
-def test_scores_and_rollouts_have_the_errors_against_the_raw_log(swing, tmp_path):
+def test_scores_include_raw_log_errors(swing, tmp_path):
     t, measured, _ = swing
     file = tmp_path / "swing.csv"
     file.write_text("t,q\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(t.tolist(), measured.tolist())))
@@ -82,7 +82,7 @@ def test_files_and_memory_give_the_same_rows(swing, tmp_path):
         assert np.array_equal(one[name], other[name], equal_nan=True), name
 
 
-def test_channels_say_otherwise_and_arguments_stand_above_the_recipe(swing, tmp_path):
+def test_channels_and_arguments_override_the_recipe(swing, tmp_path):
     t, measured, _ = swing
     recipe = {"states": {"q": {}}, "prepare": {"method": "none", "reject": 3.0}}
     log = {"t": t, "q": measured}
@@ -94,15 +94,15 @@ def test_channels_say_otherwise_and_arguments_stand_above_the_recipe(swing, tmp_
 
     assert method()["method"] == "none"
     assert method(method="quintic", lam="gcv")["method"] == "quintic"
-    found = method(channels={"q": {"method": "cubic", "lam": 1e-7}})
-    assert (found["method"], found["lambda"]) == ("cubic", 1e-7)
+    channel = method(channels={"q": {"method": "cubic", "lam": 1e-7}})
+    assert (channel["method"], channel["lambda"]) == ("cubic", 1e-7)
     assert method(method="savitzky-golay", window=9, degree=2)["method"] == "savitzky-golay"
     trend = method(method="trend-filter", degree=3, lam="gcv", reject=4.0)
     assert trend["method"] == "trend-filter" and trend["rejected"]["rows"] >= len(WRONG)
     assert method(method="not-a-knot")["noise"] is None and method(method="pchip")["method"] == "pchip"
 
 
-def test_a_mean_is_moved_by_half_its_window(swing, tmp_path):
+def test_mean_is_shifted_by_half_window(swing, tmp_path):
     t, _, _ = swing
     truth = lambda times: np.sin(3.0 * times)  # noqa: E731
     measured = truth(t - 0.03) + np.random.default_rng(2).normal(0.0, 1e-3, ROWS)

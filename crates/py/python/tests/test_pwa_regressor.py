@@ -83,7 +83,7 @@ def test_trees_cut_single_features() -> None:
     assert ff.PWARegressor(partition="tree", n_regions=1).fit(X, y).partition_ == "average"
 
 
-def test_maps_of_separate_regions_are_found() -> None:
+def test_maps_of_separate_regions_are_recovered() -> None:
     X, y, region = _data()
     model = ff.PWARegressor(n_regions=3, n_init=5).fit(X, y)
     assert model.n_regions_ == 3 and model.centers_ is not None
@@ -100,7 +100,7 @@ def test_maps_of_separate_regions_are_found() -> None:
 
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("partition", ["kmeans:7", "zscore:1.2", "average", "null"])
-def test_each_region_is_least_squares_on_its_rows(partition: str, weighted: bool) -> None:
+def test_regions_are_least_squares_fits(partition: str, weighted: bool) -> None:
     X, y, _ = _data(noise=0.5)
     weight = np.random.RandomState(1).uniform(0.5, 2.0, len(X)) if weighted else None
     model = ff.PWARegressor(partition=partition).fit(X, y, sample_weight=weight)
@@ -134,7 +134,7 @@ def test_the_number_of_regions_is_chosen_by_cross_validation() -> None:
 
 
 def test_groups_are_folds() -> None:
-    # What is learned in one group holds in no other: by group it is worthless on held-out rows, by rows it is not.
+    # A function learned in one group holds in no other: by group it is worthless on held-out rows, by rows it is not.
     random = np.random.RandomState(3)
     groups = np.repeat(np.arange(6), 50)
     X = groups[:, None] * 10.0 + random.uniform(size=(300, 1))
@@ -171,7 +171,7 @@ def test_layout_and_type_do_not_show() -> None:
     np.testing.assert_allclose(single.predict(X), plain.predict(X), atol=1e-4)
 
 
-def test_bad_input_is_told() -> None:
+def test_bad_input_is_refused() -> None:
     X, y, _ = _data(60)
     for options, text in [
         ({"n_regions": 0}, "n_regions"),
@@ -200,7 +200,7 @@ def test_a_clustering_that_did_not_converge_is_warned_of() -> None:
     short = ff.PWARegressor(6, max_kmeans_iter=1)
     with pytest.warns(ConvergenceWarning, match="not converged after 1 iterations"):
         short.fit(X, y)
-    # What has that word in another sentence is no such warning.
+    # Another sentence with that word is no such warning.
     with warnings.catch_warnings():
         warnings.simplefilter("error", ConvergenceWarning)
         ff.PWARegressor(2).fit(X, y)

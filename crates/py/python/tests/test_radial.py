@@ -40,16 +40,16 @@ def fitted():
     return x, y, data, ff.PWA("average", target="y", inputs=["x", "z"], radial=20).fit(data)
 
 
-def test_the_weights_are_those_of_least_squares(fitted):
+def test_weights_match_least_squares(fitted):
     x, y, _, fit = fitted
     design = features(fit.model_, x)
     known = np.linalg.lstsq(design, y, rcond=None)[0]
-    found = fit.coefficients().ravel()
+    coefficients = fit.coefficients().ravel()
     assert fit.get_feature_names() == ["1", "x", "z", *(f"radial{k}" for k in range(1, 21))]
-    np.testing.assert_allclose(found, known, rtol=1e-7, atol=1e-8)
-    np.testing.assert_allclose(fit.predict(None, x).ravel(), design @ found, atol=1e-12)
+    np.testing.assert_allclose(coefficients, known, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(fit.predict(None, x).ravel(), design @ coefficients, atol=1e-12)
     plane = np.linalg.lstsq(design[:, :3], y, rcond=None)[0]
-    r2 = [1 - np.mean((y - design[:, : len(own)] @ own) ** 2) / y.var() for own in (plane, known)]
+    r2 = [1 - np.mean((y - design[:, : len(coefficients)] @ coefficients) ** 2) / y.var() for coefficients in (plane, known)]
     assert r2[0] < 0.4 and r2[1] > 0.97
     assert fit.score(fitted[2]) == pytest.approx(r2[1], abs=1e-9)
 
@@ -83,8 +83,8 @@ def test_sindy_drops_terms():
     data = ff.open(table(x, y), dt=1.0)
     fit = ff.SINDy(target="y", inputs=["x", "z"], radial=30).fit(data)
     assert fit.get_feature_names() == ["1", "x", "z", *(f"radial{k}" for k in range(1, 31))]
-    found = fit.coefficients().ravel()
-    assert found.shape == (33,) and np.count_nonzero(found) > 5
+    coefficients = fit.coefficients().ravel()
+    assert coefficients.shape == (33,) and np.count_nonzero(coefficients) > 5
     assert fit.score(data) > 0.97
 
 
@@ -94,7 +94,7 @@ def test_the_command_line_and_python_agree(tmp_path):
         pytest.skip("FLEETFOOT_BIN does not name the fleetfoot command")
     x, y = surface(800)
     np.savetxt(tmp_path / "run.csv", np.column_stack([x, y]), delimiter=",", header="x,z,y", comments="", fmt="%.17g")
-    for method, own in (
+    for method, estimator in (
         ("pwa", ff.PWA(2, target="y", inputs=["x", "z"], radial=8)),
         ("sindy", ff.SINDy(target="y", inputs=["x", "z"], radial=8)),
     ):
@@ -103,12 +103,12 @@ def test_the_command_line_and_python_agree(tmp_path):
         done = [command, *arguments, "-o", "model.json"]
         subprocess.run(done, cwd=tmp_path, check=True, capture_output=True)
         other = ff.load(tmp_path / "model.json")
-        own.fit(ff.open(table(x, y), dt=1.0))
-        np.testing.assert_array_equal(other.coefficients(), own.model_.coefficients())
-        np.testing.assert_array_equal(other.predict(None, x), own.predict(None, x))
+        estimator.fit(ff.open(table(x, y), dt=1.0))
+        np.testing.assert_array_equal(other.coefficients(), estimator.model_.coefficients())
+        np.testing.assert_array_equal(other.predict(None, x), estimator.predict(None, x))
 
 
-def test_what_cannot_be_had_is_said():
+def test_impossible_requests_are_refused():
     x, y = surface(50)
     data = ff.open(table(x, y), dt=1.0)
     for kind in (ff.PWA, ff.SINDy):

@@ -53,12 +53,12 @@ def agree(path, topic):
         compared += 1
     if "header_stamp" in table and hasattr(messages[0].ros_msg, "header"):
         stamps = [one.ros_msg.header.stamp for one in messages]
-        found = table["header_stamp"].astype(np.int64)
-        np.testing.assert_array_equal(found, [stamp.sec * 10**9 + stamp.nanosec for stamp in stamps])
+        header_stamps = table["header_stamp"].astype(np.int64)
+        np.testing.assert_array_equal(header_stamps, [stamp.sec * 10**9 + stamp.nanosec for stamp in stamps])
     return compared
 
 
-def test_a_generated_log_reads_as_the_peer_reads_it(log):
+def test_generated_log_equals_peer(log):
     pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
     topics = [topic for topic in ff.info(log)["topics"] if topic["messages"] and topic["message_encoding"] == "cdr"]
     assert len(topics) >= 3
@@ -66,13 +66,13 @@ def test_a_generated_log_reads_as_the_peer_reads_it(log):
     assert sum(compared.values()) > 50, compared
 
 
-def test_the_logs_of_other_writers_are_there():
+def test_logs_of_other_writers_exist():
     assert list(recording("mcap").glob("*.mcap"))
 
 
 @pytest.mark.skipif(not LOGS, reason="there are no recordings; set FLEETFOOT_DATA")
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.stem)
-def test_logs_of_other_writers_read_as_the_peer_reads_them(path):
+def test_logs_of_other_writers_equal_peer(path):
     pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
     ours = [topic for topic in ff.info(path)["topics"] if topic["messages"] and topic["message_encoding"] == "cdr"]
     readable = [topic["name"] for topic in ours if not topic["problem"] and topic["schema_encoding"] == "ros2msg"]
@@ -114,7 +114,7 @@ def test_fields_and_topics_are_chosen(log):
     table = ff.read_mcap(log, "/odom", fields=["twist.twist.linear.x"])
     assert table.columns == ["log_time", "publish_time", "header_stamp", "twist.twist.linear.x"]
     both = ff.read_mcap(log, ["/odom", "/cmd_vel"])
-    assert list(both) == ["/odom", "/cmd_vel"] and all(len(own) > 0 for own in both.values())
+    assert list(both) == ["/odom", "/cmd_vel"] and all(len(topic_table) > 0 for topic_table in both.values())
     assert ff.read_mcap(log, "/odom", fields=[]).columns[:2] == ["log_time", "publish_time"]
     with pytest.raises(ff.exceptions.DataError, match="/odo"):
         ff.read_mcap(log, "/odo")
@@ -135,13 +135,13 @@ def test_joined_rows(log):
     names = ["/odom.twist.twist.linear.x", "/cmd_vel.twist.linear.x", "2 * /odom.twist.twist.linear.x"]
     rows = ff.read_mcap(log, columns=names[:2])
     odometry = ff.read_mcap(log, "/odom", fields=["twist.twist.linear.x"])
-    stamps, own = rows["stamp"].astype(np.int64), odometry["log_time"].astype(np.int64)
+    stamps, expected = rows["stamp"].astype(np.int64), odometry["log_time"].astype(np.int64)
     # Rows are those of the first column's topic, as far as the other has begun.
-    kept = np.isin(own, stamps)
+    kept = np.isin(expected, stamps)
     if kept.sum() != len(stamps):
-        own = odometry["header_stamp"].astype(np.int64)
-        kept = np.isin(own, stamps)
-    assert kept.sum() == len(stamps) > 0.8 * len(own)
+        expected = odometry["header_stamp"].astype(np.int64)
+        kept = np.isin(expected, stamps)
+    assert kept.sum() == len(stamps) > 0.8 * len(expected)
     np.testing.assert_array_equal(rows[names[0]], odometry["twist.twist.linear.x"][kept])
     tens = ff.read_mcap(log, columns=names[:1], rate=10.0)
     np.testing.assert_array_equal(np.diff(tens["stamp"].astype(np.int64)), 10**8)
@@ -150,17 +150,17 @@ def test_joined_rows(log):
     assert with_recipe["t"][0] == 0.0
 
 
-def test_info_tells_ranges(log, tmp_path):
-    found = ff.info(log, values=True)
-    assert found["format"].lower().startswith("mcap")
-    column = next(one for one in found["columns"] if one["name"] == "/odom.twist.twist.linear.x")
+def test_info_reports_ranges(log, tmp_path):
+    info = ff.info(log, values=True)
+    assert info["format"].lower().startswith("mcap")
+    column = next(one for one in info["columns"] if one["name"] == "/odom.twist.twist.linear.x")
     values = ff.read_mcap(log, "/odom", fields=["twist.twist.linear.x"])["twist.twist.linear.x"]
     assert column["statistics"]["count"] == len(values)
     assert column["statistics"]["min"] == values.min() and column["statistics"]["max"] == values.max()
     csv = tmp_path / "a.csv"
     csv.write_text("t,speed [m/s]\n0,1\n0.1,3\n0.2,2\n")
-    told = ff.info(csv, values=True)
-    assert told["rows"] == 3 and told["clock"]["column"] == "t"
-    assert told["columns"][1]["unit"] == "m/s" and told["columns"][1]["statistics"]["max"] == 3.0
+    csv_info = ff.info(csv, values=True)
+    assert csv_info["rows"] == 3 and csv_info["clock"]["column"] == "t"
+    assert csv_info["columns"][1]["unit"] == "m/s" and csv_info["columns"][1]["statistics"]["max"] == 3.0
     with pytest.raises(ff.exceptions.DataError, match="nowhere"):
         ff.info(tmp_path / "nowhere.csv")

@@ -24,23 +24,23 @@ def fitted():
 
 def test_a_page_of_a_model_on_data(fitted, tmp_path):
     page, figures = tmp_path / "page.html", tmp_path / "figures"
-    told = ff.report(fitted, ff.open([run(0.5)], dt=DT), page, title="a & b", horizon=20, starts=10, svg=figures)
+    report = ff.report(fitted, ff.open([run(0.5)], dt=DT), page, title="a & b", horizon=20, starts=10, svg=figures)
     text = page.read_text(encoding="utf-8")
     assert text.startswith("<!DOCTYPE html>") and "<script" not in text and "<v>" not in text
     assert "<title>a &amp; b</title>" in text and "&lt;v&gt;" in text
-    assert {finding["light"] for finding in told["findings"]} <= {"good", "doubtful", "bad", "fact"}
-    assert told["episodes"] == 1 and told["in_sample_episodes"] == []
+    assert {finding["light"] for finding in report["findings"]} <= {"good", "doubtful", "bad", "fact"}
+    assert report["episodes"] == 1 and report["in_sample_episodes"] == []
     assert (figures / "score-by-horizon.svg").read_text(encoding="utf-8").startswith("<svg")
 
 
 def test_models_by_name_and_without_data(fitted, tmp_path):
     page = tmp_path / "page.html"
-    told = ff.report({"one": fitted.model_, "other": fitted}, path=page)
-    assert told["title"] == "one and other" and told["episodes"] == 0
+    report = ff.report({"one": fitted.model_, "other": fitted}, path=page)
+    assert report["title"] == "one and other" and report["episodes"] == 0
     assert "No log was given" in page.read_text(encoding="utf-8")
 
 
-def test_what_is_no_model_is_refused(tmp_path):
+def test_objects_without_model_are_refused(tmp_path):
     with pytest.raises(TypeError, match="no model"):
         ff.report(3, path=tmp_path / "page.html")
     with pytest.raises(ValueError, match="at least one"):

@@ -31,23 +31,23 @@ def test_a_report_is_a_dict_with_a_table(model, rows, kind):
         "rollout": lambda: model.rollout(rows, 20, starts=10),
         "filter": lambda: model.filter(rows, measured={"q": 0.05}),
     }
-    found = calls[kind]()
-    assert isinstance(found, dict) and json.loads(json.dumps(found)) == dict(found)
-    assert pickle.loads(pickle.dumps(found)) == found
+    report = calls[kind]()
+    assert isinstance(report, dict) and json.loads(json.dumps(report)) == dict(report)
+    assert pickle.loads(pickle.dumps(report)) == report
     names = {"score": ["d(q)/dt", "d(v)/dt"], "rollout": ["q", "v"], "filter": ["q"]}[kind]
-    assert [next(iter(row.values())) for row in found.table] == names
-    lines = repr(found).splitlines()
+    assert [next(iter(row.values())) for row in report.table] == names
+    lines = repr(report).splitlines()
     assert len(lines) == len(names) + 2 and lines[0].split()[0] in ("target", "state") and "{" not in lines[1]
-    assert f"<td>{names[0]}</td>" in found._repr_html_()
+    assert f"<td>{names[0]}</td>" in report._repr_html_()
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
-    assert pandas.DataFrame(found.table).shape[0] == len(names)
+    assert pandas.DataFrame(report.table).shape[0] == len(names)
     # A report without one of its parts is still shown.
-    parts = type(found)(found)
-    for name in list(found):
+    parts = type(report)(report)
+    for name in list(report):
         parts.pop(name)
         assert repr(parts)
         assert parts._repr_html_() is None or parts
     if kind == "rollout":
-        assert found.table[1]["rmse"] == found["model"]["rmse"][-1][1] and "10 rollouts of 20 steps" in lines[-1]
+        assert report.table[1]["rmse"] == report["model"]["rmse"][-1][1] and "10 rollouts of 20 steps" in lines[-1]
     if kind == "score":
-        assert found.table[0]["mae"] == found["targets"][0]["mae"]["value"]
+        assert report.table[0]["mae"] == report["targets"][0]["mae"]["value"]

@@ -28,12 +28,12 @@ def model() -> ff.Model:
     return ff.Parameters({"k": 1.9}, known=known, states=["q", "v"], inputs=["u"], folds=0).fit(rows()).model_
 
 
-def test_what_follows_obeys_the_equations_and_stays_within_bounds(model: ff.Model) -> None:
-    found = model.resimulate(rows(k=2.1), bounds={"u": (-0.7, None)}, keep=True)
-    assert found["violation"]["dynamics"] < 1e-6
-    assert found["violation"]["bounds"] == 0.0
-    assert found["minima"] == 1
-    [path] = found["trajectories"]
+def test_resimulation_obeys_equations_and_bounds(model: ff.Model) -> None:
+    report = model.resimulate(rows(k=2.1), bounds={"u": (-0.7, None)}, keep=True)
+    assert report["violation"]["dynamics"] < 1e-6
+    assert report["violation"]["bounds"] == 0.0
+    assert report["minima"] == 1
+    [path] = report["trajectories"]
     assert path["x"].shape == path["x_open_loop"].shape == (160, 2)
     assert path["u"].min() >= -0.7
     # Hermite and Simpson's rule, written out.
@@ -46,7 +46,7 @@ def test_what_follows_obeys_the_equations_and_stays_within_bounds(model: ff.Mode
     middle = (x[:-1] + x[1:]) / 2 + h / 8 * (f[:-1] - f[1:])
     defect = x[1:] - x[:-1] - h / 6 * (f[:-1] + 4 * slope(middle, (u[:-1] + u[1:]) / 2) + f[1:])
     assert np.abs(defect).max() < 1e-8
-    columns = {column["name"]: column for column in found["columns"]}
+    columns = {column["name"]: column for column in report["columns"]}
     assert columns["q"]["followed"]["worst"] < columns["q"]["open_loop"]["worst"]
     assert np.sqrt(np.mean((path["x"][:, 0] - path["x_measured"][:, 0]) ** 2)) == pytest.approx(
         columns["q"]["followed"]["median"]
@@ -58,13 +58,13 @@ def model_stiffness(model: ff.Model) -> float:
     return float(-model.linearize([0.0, 0.0], [0.0])[0][1, 0])
 
 
-def test_what_is_said_stands_above_the_recipe(model: ff.Model) -> None:
+def test_arguments_override_the_recipe(model: ff.Model) -> None:
     recipe = {"resimulate": {"deviations": "q=0.1,v=0.1,u=0.5", "every": 4}}
-    found = model.resimulate(rows(), recipe=recipe, every=2)
-    assert found["rows"] == 80
-    assert [column["deviation"] for column in found["columns"]] == [0.1, 0.1, 0.5]
+    report = model.resimulate(rows(), recipe=recipe, every=2)
+    assert report["rows"] == 80
+    assert [column["deviation"] for column in report["columns"]] == [0.1, 0.1, 0.5]
     again = model.resimulate(rows(), deviations={"q": 0.1, "v": 0.1, "u": 0.5}, every=2, free=["u"])
-    assert again == found
+    assert again == report
 
 
 @pytest.mark.parametrize(
@@ -79,14 +79,14 @@ def test_what_is_said_stands_above_the_recipe(model: ff.Model) -> None:
     ],
 )
 def test_arguments_are_the_entries_of_a_recipe(model: ff.Model, arguments: dict, entries: dict) -> None:
-    said = model.resimulate(rows(k=2.1), **arguments)
-    assert model.resimulate(rows(k=2.1), recipe={"resimulate": entries}) == said
+    report = model.resimulate(rows(k=2.1), **arguments)
+    assert model.resimulate(rows(k=2.1), recipe={"resimulate": entries}) == report
     # All inputs may move already: there is one.
-    assert (model.resimulate(rows(k=2.1)) == said) == ("free" in arguments)
+    assert (model.resimulate(rows(k=2.1)) == report) == ("free" in arguments)
 
 
 @pytest.mark.parametrize(
-    ("slip", "told"),
+    ("slip", "message"),
     [
         ({"bounds": {"u": (1.0, 0.0)}}, "`u`"),
         ({"bounds": {"w": (0.0, 1.0)}}, "`w`"),
@@ -98,7 +98,7 @@ def test_arguments_are_the_entries_of_a_recipe(model: ff.Model, arguments: dict,
         ({"deviations": {"u": -1.0}}, "`u`"),
     ],
 )
-def test_slips_are_told(model: ff.Model, slip: dict, told: str) -> None:
-    with pytest.raises(RequestError, match=told.replace("`", "[`']")) as found:
+def test_errors_name_wrong_arguments(model: ff.Model, slip: dict, message: str) -> None:
+    with pytest.raises(RequestError, match=message.replace("`", "[`']")) as caught:
         model.resimulate(rows(), **slip)
-    assert "--" not in str(found.value)
+    assert "--" not in str(caught.value)

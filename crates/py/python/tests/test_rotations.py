@@ -22,9 +22,9 @@ def slope(s):
 
 
 def body(rows=800):
-    s, found = np.array([0.8, 0.36, -0.48, 0.0, 1.4, -1.1, 1.2]), np.empty((rows, 7))
+    s, rows_of_states = np.array([0.8, 0.36, -0.48, 0.0, 1.4, -1.1, 1.2]), np.empty((rows, 7))
     for k in range(rows):
-        found[k] = s
+        rows_of_states[k] = s
         for _ in range(4):
             h = DT / 4
             a = slope(s)
@@ -32,31 +32,31 @@ def body(rows=800):
             c = slope(s + h / 2 * b)
             d = slope(s + h * c)
             s = s + h / 6 * (a + 2 * b + 2 * c + d)
-    return np.arange(rows) * DT, found
+    return np.arange(rows) * DT, rows_of_states
 
 
-def test_a_rigid_body_is_found_and_simulated():
+def test_rigid_body_is_identified_and_simulated():
     t, x = body()
     flipped = x.copy()
     flipped[:, :4] *= np.where(np.random.default_rng(3).random(len(x)) < 0.5, -1, 1)[:, None]
     states = {"wx": {}, "wy": {}, "wz": {}, "attitude": ATTITUDE}
-    found = []
+    coefficients = []
     for rows in (x, flipped):
         sindy = ff.SINDy(states=states, library=["poly(2)"]).fit(rows, t, feature_names=NAMES)
         equations = sindy.report_["regions"][0]["equations"]
         assert [len(equation["terms"]) for equation in equations] == [1, 1, 1]
-        found.append([equation["terms"][0]["coefficient"] for equation in equations])
-    np.testing.assert_allclose(found[0], [-1, 1, -1 / 3], atol=1e-8)
-    np.testing.assert_allclose(found[0], found[1], atol=1e-12)
+        coefficients.append([equation["terms"][0]["coefficient"] for equation in equations])
+    np.testing.assert_allclose(coefficients[0], [-1, 1, -1 / 3], atol=1e-8)
+    np.testing.assert_allclose(coefficients[0], coefficients[1], atol=1e-12)
     model = sindy.model_
     # Steps of 10 ms by the model's own integrator, from the first row.
     simulated = model.simulate(x[0, [NAMES.index(name) for name in model.states]], t)
-    own = simulated[:, [model.states.index(name) for name in NAMES]]
-    np.testing.assert_allclose(np.linalg.norm(own[:, :4], axis=1), 1, atol=1e-14)
-    np.testing.assert_allclose(own, x, atol=1e-5)
+    states_of_log = simulated[:, [model.states.index(name) for name in NAMES]]
+    np.testing.assert_allclose(np.linalg.norm(states_of_log[:, :4], axis=1), 1, atol=1e-14)
+    np.testing.assert_allclose(states_of_log, x, atol=1e-5)
 
 
-def test_what_is_no_rotation_is_refused():
+def test_invalid_rotations_are_refused():
     t, x = body(100)
     x[50, :4] = 0
     with pytest.raises(FleetfootError, match="row 51 .*attitude"):

@@ -79,7 +79,7 @@ LONG = """
 
 
 @needs_signals
-def test_ctrl_c_stops_a_call_and_the_process_goes_on() -> None:
+def test_ctrl_c_stops_only_the_call() -> None:
     with subprocess.Popen(python(LONG), stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         watchdog = threading.Timer(PATIENCE, process.kill)
@@ -136,7 +136,7 @@ ANSWER = 3.0
 @needs_signals
 @pytest.mark.parametrize("fit", ["lasso_path", "LassoCV", "LassoLarsCV", "Lars", "STLSQ", "Bolasso", "PWARegressor"])
 def test_ctrl_c_stops_a_dense_solve(fit: str) -> None:
-    """What is waited for is a sweep, some columns or a panel of a factor, at any moment of a fit."""
+    """A stop waits for a sweep, some columns or a panel of a factor, at any moment of a fit."""
     waited = []
     with subprocess.Popen(python(DENSE, fit, str(len(MOMENTS))), stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -159,7 +159,7 @@ def test_ctrl_c_stops_a_dense_solve(fit: str) -> None:
     assert max(waited) < ANSWER
 
 
-def test_what_a_progress_callback_raises_stops_the_call() -> None:
+def test_raising_callback_stops_the_call() -> None:
     class Enough(Exception):
         pass
 
@@ -178,7 +178,7 @@ def test_what_a_progress_callback_raises_stops_the_call() -> None:
 # -- Progress
 
 
-def test_a_call_that_takes_minutes_says_so_when_it_begins() -> None:
+def test_long_calls_announce_their_duration() -> None:
     random = np.random.default_rng(3)
     x = random.normal(size=(2000, 6))
     # 462 candidates of each of six equations in ten folds: minutes. The warning is an error here, which stops the call.
@@ -189,9 +189,9 @@ def test_a_call_that_takes_minutes_says_so_when_it_begins() -> None:
             ff.SINDy(library="poly(5)", smooth_states="off", weak="off").fit(x, 0.01 * np.arange(2000.0))
 
 
-def test_progress_is_told_by_stage() -> None:
+def test_progress_is_reported_by_stage() -> None:
     seen: list[tuple[str, int, int]] = []
-    ff.scan(recipe(6), rows(300_000), chunk_rows=4096, progress=lambda *told: seen.append(told))
+    ff.scan(recipe(6), rows(300_000), chunk_rows=4096, progress=lambda *progress: seen.append(progress))
     counts = [(done, total) for stage, done, total in seen if stage == "scan"]
     assert counts and all(0 <= done <= total for done, total in counts if total)
     assert [done for done, _ in counts] == sorted(done for done, _ in counts)
@@ -207,7 +207,7 @@ def test_tqdm_shows_the_stages(capfd: pytest.CaptureFixture[str]) -> None:
 # -- Exceptions
 
 
-def test_each_kind_of_error_has_its_class(tmp_path: Path) -> None:
+def test_error_kinds_have_classes(tmp_path: Path) -> None:
     stats = ff.scan(recipe(1), rows(200))
     for call, kind, base in [
         (lambda: ff.scan({"model": {"predikt": "y"}}, rows(9)), RequestError, ValueError),
@@ -257,14 +257,14 @@ def test_threads_that_cannot_be_started_are_an_error() -> None:
 
 
 def test_the_number_of_threads_does_not_change_a_bit() -> None:
-    found = []
+    results = []
     for count in (1, 2, 7):
         ff.set_threads(count)
         assert ff.thread_count() == count
         stats = ff.scan(recipe(4), [rows(30_000), rows(7_000, 1)], chunk_rows=1000)
         lasso = stats.solve("lasso", 0.01)
-        found.append((stats.to_bytes(), lasso.coefficients.tobytes(), lasso.to_json()))
-    assert found[0] == found[1] == found[2]
+        results.append((stats.to_bytes(), lasso.coefficients.tobytes(), lasso.to_json()))
+    assert results[0] == results[1] == results[2]
 
 
 def test_absurd_numbers_of_threads_are_refused() -> None:
@@ -314,7 +314,7 @@ def digest() -> str:
 
 
 def in_child(work: Any) -> str:
-    """What a forked child finds, as a text."""
+    """Result of a forked child, as a text."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -327,9 +327,9 @@ def in_child(work: Any) -> str:
             os._exit(code)
     os.close(writer)
     with os.fdopen(reader) as pipe:
-        found = pipe.read()
+        result = pipe.read()
     assert os.waitpid(child, 0)[1] == 0
-    return found
+    return result
 
 
 @needs_fork
@@ -344,24 +344,24 @@ def test_a_forked_child_finds_the_same_bits() -> None:
 
 @needs_fork
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-def test_a_child_forked_in_the_middle_of_a_call_works() -> None:
+def test_child_forked_during_a_call_works() -> None:
     expected = digest()
     scanning = threading.Event()
-    found: list[bytes] = []
+    statistics: list[bytes] = []
 
     def progress(stage: str, done: int, total: int) -> None:
         if stage == "scan":
             scanning.set()
 
     def work() -> None:
-        found.append(ff.scan(recipe(7), rows(400_000), chunk_rows=4096, progress=progress).to_bytes())
+        statistics.append(ff.scan(recipe(7), rows(400_000), chunk_rows=4096, progress=progress).to_bytes())
 
     thread = threading.Thread(target=work)
     thread.start()
     assert scanning.wait(PATIENCE)
     assert in_child(digest) == expected
     thread.join()
-    assert found == [ff.scan(recipe(7), rows(400_000), chunk_rows=4096).to_bytes()]
+    assert statistics == [ff.scan(recipe(7), rows(400_000), chunk_rows=4096).to_bytes()]
 
 
 @needs_fork

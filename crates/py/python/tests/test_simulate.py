@@ -42,7 +42,7 @@ def exact(t: np.ndarray) -> np.ndarray:
     return (2.0 * np.cos(3.0 * t) + 3.0 * np.sin(3.0 * t) - 2.0 * np.exp(-2.0 * t)) / 13.0
 
 
-def test_inputs_in_straight_lines_and_of_a_function_are_not_held(lag: Any) -> None:
+def test_interpolated_inputs_are_not_held(lag: Any) -> None:
     t = np.arange(0.0, 4.0, DT)
     u = np.cos(3.0 * t)
     error = {
@@ -58,8 +58,8 @@ def test_inputs_in_straight_lines_and_of_a_function_are_not_held(lag: Any) -> No
     assert max(error.values()) < 2e-4, error
     # A tenth of the time between rows: a hundredth of the error.
     fine = np.arange(0.0, 4.0, 0.1 * DT)
-    found = lag.simulate([0.0], fine, np.cos(3.0 * fine), interpolate=True)[:, 0]
-    assert np.abs(found - exact(fine)).max() < 2e-6
+    simulated = lag.simulate([0.0], fine, np.cos(3.0 * fine), interpolate=True)[:, 0]
+    assert np.abs(simulated - exact(fine)).max() < 2e-6
     with pytest.raises(ModelError, match="u has the shape"):
         lag.simulate([0.0], t, u[:-1], interpolate=True)
     # A closed loop is a sampled controller's: its inputs are held.
@@ -81,10 +81,10 @@ def direct() -> Any:
 def test_a_direct_system_is_fitted_predicted_and_simulated(direct: Any) -> None:
     fit, y, u = direct
     assert "lead(u0, 1)" in fit.equations()[0], fit.equations()
-    found = fit.predict(y, u)
-    known_rows = np.isfinite(np.ravel(found))
+    predicted = fit.predict(y, u)
+    known_rows = np.isfinite(np.ravel(predicted))
     assert known_rows.sum() >= 590 and not known_rows[-1]
-    np.testing.assert_allclose(np.ravel(found)[:-1][known_rows[:-1]], y[1:][known_rows[:-1]], atol=1e-8)
+    np.testing.assert_allclose(np.ravel(predicted)[:-1][known_rows[:-1]], y[1:][known_rows[:-1]], atol=1e-8)
     lags = fit.model_.lags
     history = (y[:lags, None], u[:lags, None])
     run = fit.simulate(y[lags : lags + 1], 100, u[lags : lags + 100], history=history)[:, 0]
@@ -99,8 +99,8 @@ def test_a_stiff_model_takes_no_longer_than_another() -> None:
     model = linear(np.array([[-1e6]]), np.array([[1e6]]))
     begun = time.monotonic()
     # It follows the input, but for a millionth of a second.
-    found = model.simulate([[1.0], [3.0]], np.arange(0.0, 10.5, 0.5), lambda time: np.cos(time))
-    np.testing.assert_allclose(found[:, 1:, 0], np.tile(np.cos(np.arange(0.5, 10.5, 0.5)), (2, 1)), atol=1e-5)
+    simulated = model.simulate([[1.0], [3.0]], np.arange(0.0, 10.5, 0.5), lambda time: np.cos(time))
+    np.testing.assert_allclose(simulated[:, 1:, 0], np.tile(np.cos(np.arange(0.5, 10.5, 0.5)), (2, 1)), atol=1e-5)
     # Explicit steps took half a minute on a quiet machine.
     assert time.monotonic() - begun < 15.0
 
@@ -134,7 +134,7 @@ def test_inputs_in_straight_lines_are_one_row_a_time(lag: Any) -> None:
         lag.simulate([0.0], t, lambda time, x: -x, interpolate=True)
 
 
-def test_a_direct_model_knows_no_closed_loop_and_no_gaps() -> None:
+def test_direct_model_refuses_loops_and_gaps() -> None:
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     u = np.random.default_rng(1).normal(size=200)
     x = np.zeros(200)
@@ -147,5 +147,5 @@ def test_a_direct_model_knows_no_closed_loop_and_no_gaps() -> None:
     with pytest.raises(ModelError, match="1 row ahead"):
         model.step([0.0], [1.0])
     table = pandas.DataFrame({"t": even + 60.0 * (np.arange(200) >= 100), "x": x, "u": u})
-    found = model.predict(table).to_numpy()[:, 0]
-    assert np.isnan(found[99]) and np.isfinite(found[[98, 100]]).all()
+    predicted = model.predict(table).to_numpy()[:, 0]
+    assert np.isnan(predicted[99]) and np.isfinite(predicted[[98, 100]]).all()

@@ -47,26 +47,26 @@ def test_suite_of_scikit_learn(suite: str, tmp_path: Path) -> None:
         "no:cacheprovider",
         "--pyargs",
     ]
-    found = subprocess.run(
+    process = subprocess.run(
         [*command, described.MODULE], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
     )
-    assert report.exists(), found.stdout + found.stderr
-    told = json.loads(report.read_text(encoding="utf-8"))
-    text, failed = _summary(suite, told)
+    assert report.exists(), process.stdout + process.stderr
+    results = json.loads(report.read_text(encoding="utf-8"))
+    text, failed = _summary(suite, results)
     print(text)
     target = os.environ.get("FLEETFOOT_SUITES_OUT")
     if target:
         Path(target).mkdir(parents=True, exist_ok=True)
         (Path(target) / f"{suite}.txt").write_text(text, encoding="utf-8")
-    if not told["replaced"]:
+    if not results["replaced"]:
         pytest.skip(f"fleetfoot has none of the names of {', '.join(described.PACKAGES)} yet")
-    assert not failed, text + found.stdout[-8000:]
-    assert found.returncode == 0, found.stdout[-8000:] + found.stderr
+    assert not failed, text + process.stdout[-8000:]
+    assert process.returncode == 0, process.stdout[-8000:] + process.stderr
 
 
-def _summary(suite: str, told: dict) -> tuple[str, list[str]]:
+def _summary(suite: str, results: dict) -> tuple[str, list[str]]:
     """The list of what does not pass with the counts, and the tests that fail without being expected to."""
-    tests = told["tests"]
+    tests = results["tests"]
     by = {
         kind: [name for name, test in tests.items() if test["outcome"] == kind]
         for kind in ("passed", "expected", "failed", "skipped")
@@ -75,7 +75,7 @@ def _summary(suite: str, told: dict) -> tuple[str, list[str]]:
     lines = [
         f"{suite}: {len(tests)} tests; {len(by['passed'])} pass ({len(ours)} of them call fleetfoot), "
         f"{len(by['expected'])} expected not to, {len(by['failed'])} fail, {len(by['skipped'])} skipped",
-        f"  in the place of: {', '.join(told['replaced']) or 'nothing'}",
+        f"  in the place of: {', '.join(results['replaced']) or 'nothing'}",
     ]
     for kind in ("expected", "failed", "skipped"):
         lines += [f"  {kind}: {name}: {tests[name]['reason']}" for name in by[kind]]

@@ -34,7 +34,7 @@ def matrix(runs: list[dict[str, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     return x, np.concatenate([run["y"] for run in runs])
 
 
-def test_a_plan_is_frozen_and_its_scans_are_those_of_the_recipe(files: list[str], plan: ff.Plan) -> None:
+def test_scans_of_a_plan_match_the_recipe(files: list[str], plan: ff.Plan) -> None:
     assert plan.tasks == ["along", "normal"]
     assert plan.functions == {"T": ["1", "x", "x^2"], "D": ["v", "v^2"]}
     assert plan.chunk_rows == 40 and "along : a = " in str(plan) and plan.hash[:12] in repr(plan)
@@ -45,7 +45,7 @@ def test_a_plan_is_frozen_and_its_scans_are_those_of_the_recipe(files: list[str]
     assert ff.Plan(fleet.SHARED, files[:1], chunk_rows=40) != plan
 
 
-def test_a_recipe_is_a_path_a_text_or_a_mapping(tmp_path: Path) -> None:
+def test_recipe_is_path_text_or_mapping(tmp_path: Path) -> None:
     data = ff.open(fleet.noisy(80, 0))
     path = tmp_path / "robot.toml"
     text = '[model]\npredict = "y"\n[inputs]\nx = "x"\nz = "z"\n[time]\ncolumn = "t"\n'
@@ -93,7 +93,7 @@ def test_damaged_and_foreign_bytes_are_refused(tmp_path: Path, files: list[str],
         ff.Stats()
 
 
-def test_parts_add_up_to_the_scan_of_all_in_any_order(files: list[str], plan: ff.Plan) -> None:
+def test_parts_add_up_in_any_order(files: list[str], plan: ff.Plan) -> None:
     whole = scanned(plan, files)
     parts = [scanned(plan, [file]) for file in files]
     assert sum(parts) == whole == sum(reversed(parts))
@@ -128,7 +128,7 @@ def test_other_plans_do_not_add(files: list[str], plan: ff.Plan) -> None:
         ff.merge([])
 
 
-def test_episodes_tell_where_they_come_from(files: list[str], plan: ff.Plan) -> None:
+def test_episodes_name_their_source(files: list[str], plan: ff.Plan) -> None:
     stats = scanned(plan, files)
     by_file = {episode.file: episode for episode in stats.episodes}
     assert sorted(by_file) == sorted(files) == sorted(stats.files)
@@ -139,7 +139,7 @@ def test_episodes_tell_where_they_come_from(files: list[str], plan: ff.Plan) -> 
     assert first.name == files[0]
 
 
-def test_what_is_selected_is_a_scan_of_it(files: list[str], plan: ff.Plan) -> None:
+def test_selection_equals_its_scan(files: list[str], plan: ff.Plan) -> None:
     stats = scanned(plan, files)
     record = next(episode for episode in stats.episodes if episode.file == files[0])
     alone = scanned(plan, files[:1])
@@ -152,7 +152,7 @@ def test_what_is_selected_is_a_scan_of_it(files: list[str], plan: ff.Plan) -> No
     assert stats.drop(record) + stats.select(record) == stats
 
 
-def test_a_selection_that_matches_nothing_says_what_there_is(files: list[str], plan: ff.Plan) -> None:
+def test_empty_selection_lists_episodes(files: list[str], plan: ff.Plan) -> None:
     stats = scanned(plan, files)
     with pytest.raises(StatisticError, match="'flight_7.csv' matches no episode; there is .*flight_0.csv"):
         stats.select("flight_7.csv")
@@ -187,7 +187,7 @@ def test_the_gram_matrix_is_that_of_the_rows() -> None:
     assert np.allclose(gram.xty[order], x.T @ y, rtol=1e-12) and gram.yty == pytest.approx(y @ y, rel=1e-12)
 
 
-def test_gram_names_its_task(files: list[str], plan: ff.Plan) -> None:
+def test_gram_names_the_task(files: list[str], plan: ff.Plan) -> None:
     stats = scanned(plan, files)
     assert stats.gram("normal").target == stats.gram(1).target == "b"
     with pytest.raises(StatisticError, match="several: along, normal"):
@@ -200,15 +200,15 @@ def test_least_squares_is_that_of_the_rows() -> None:
     runs = [fleet.noisy(300, 1), fleet.noisy(200, 2)]
     x, y = matrix(runs)
     expected, *_ = np.linalg.lstsq(x, y, rcond=None)
-    found = ff.scan(fleet.PLAIN, runs, chunk_rows=10).solve()
-    assert [found.as_dict()["f_y"][name] for name in ("1", "x", "z")] == pytest.approx(list(expected), rel=1e-11)
+    solution = ff.scan(fleet.PLAIN, runs, chunk_rows=10).solve()
+    assert [solution.as_dict()["f_y"][name] for name in ("1", "x", "z")] == pytest.approx(list(expected), rel=1e-11)
     residual = y - x @ expected
-    assert found.tasks["y"].rms == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-9)
-    assert found.tasks["y"].r2 == pytest.approx(1 - residual.var() / y.var(), rel=1e-9)
-    assert found.certificate.kkt < 1e-12 and found.rows == 500
+    assert solution.tasks["y"].rms == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-9)
+    assert solution.tasks["y"].r2 == pytest.approx(1 - residual.var() / y.var(), rel=1e-9)
+    assert solution.certificate.kkt < 1e-12 and solution.rows == 500
     # Rows are independent here, and so the clustered errors are near the classical ones.
     classical = np.sqrt(np.diag(np.linalg.inv(x.T @ x)) * residual.var())
-    errors = dict(zip(found.names, found.standard_errors, strict=True))
+    errors = dict(zip(solution.names, solution.standard_errors, strict=True))
     assert [errors[f"f_y: {name}"] for name in ("1", "x", "z")] == pytest.approx(list(classical), rel=0.5)
 
 
@@ -228,23 +228,23 @@ def test_penalised_solutions_are_scikit_learns(method: str, alpha: float, l1_rat
         ratio = 1.0 if l1_ratio is None else l1_ratio
         peer = linear.ElasticNet(alpha=alpha, l1_ratio=ratio, tol=1e-14, max_iter=100_000)
     expected = peer.fit(columns, target).coef_ * size / x[:, 1:].std(0)
-    found = ff.scan(fleet.PLAIN, runs).solve(method, alpha, l1_ratio=l1_ratio)
-    values = found.as_dict()["f_y"]
+    solution = ff.scan(fleet.PLAIN, runs).solve(method, alpha, l1_ratio=l1_ratio)
+    values = solution.as_dict()["f_y"]
     assert [values["x"], values["z"]] == pytest.approx(list(expected), rel=1e-9, abs=1e-9)
     assert values["1"] == pytest.approx(y.mean() - expected @ x[:, 1:].mean(0), rel=1e-9)
-    assert found.certificate.gap < 1e-10 and found.standard_errors is None and found.method == method
+    assert solution.certificate.gap < 1e-10 and solution.standard_errors is None and solution.method == method
 
 
 def test_shared_latents_are_solved_together(files: list[str], plan: ff.Plan) -> None:
-    found = scanned(plan, files).solve()
-    values = found.as_dict()
+    solution = scanned(plan, files).solve()
+    values = solution.as_dict()
     assert values["T"] == pytest.approx({"1": 3.0, "x": 1.0, "x^2": -0.5}, abs=1e-9)
     assert values["D"] == pytest.approx({"v": 0.7, "v^2": 0.0}, abs=1e-9)
-    assert found.names == ["T: 1", "T: x", "T: x^2", "D: v", "D: v^2"]
-    assert '"T"' in found.to_json()
+    assert solution.names == ["T: 1", "T: x", "T: x^2", "D: v", "D: v^2"]
+    assert '"T"' in solution.to_json()
 
 
-def test_a_solve_may_change_what_the_sums_do_not_depend_on(files: list[str], plan: ff.Plan) -> None:
+def test_solve_accepts_settings_outside_the_sums(files: list[str], plan: ff.Plan) -> None:
     stats = scanned(plan, files)
     free = stats.solve("lasso", 0.5)
     unpenalised = stats.solve("lasso", 0.5, recipe=fleet.SHARED.replace("degree = 2", "degree = 2, penalty = 0.0"))
@@ -290,7 +290,7 @@ def test_wrong_scans_are_refused(tmp_path: Path, files: list[str], plan: ff.Plan
         ff.scan(plan, hollow)
 
 
-def test_tables_and_files_of_the_same_rows_have_the_same_sums(tmp_path: Path, files: list[str], plan: ff.Plan) -> None:
+def test_tables_and_files_have_equal_sums(tmp_path: Path, files: list[str], plan: ff.Plan) -> None:
     runs = [fleet.run(90 + 17 * flight + 5 * number, 10.0 * number + flight) for number in (1, 2) for flight in (0, 1)]
     from_files, from_arrays = ff.scan(plan, files), ff.scan(plan, runs)
     assert [e.id for e in from_files.episodes] == [e.id for e in from_arrays.episodes]
@@ -317,16 +317,16 @@ def test_the_statistic_of_no_rows_is_a_clear_error(plan: ff.Plan, files: list[st
 
 def test_a_solution_is_a_model() -> None:
     runs = [fleet.noisy(300, 1), fleet.noisy(200, 2)]
-    found = ff.scan(fleet.PLAIN, runs).solve()
-    values = found.as_dict()["f_y"]
-    model = found.model
-    assert model.to_json() == found.to_json() and model.method == "statistic least squares"
+    solution = ff.scan(fleet.PLAIN, runs).solve()
+    values = solution.as_dict()["f_y"]
+    model = solution.model
+    assert model.to_json() == solution.to_json() and model.method == "statistic least squares"
     names = model.get_feature_names()
     assert dict(zip(names, model.coefficients().ravel(), strict=True)) == pytest.approx(values, rel=1e-15)
 
 
 @pytest.mark.filterwarnings("ignore::fleetfoot.FleetfootWarning")
-def test_estimators_fit_a_statistic_as_they_fit_its_logs() -> None:
+def test_statistic_fits_like_its_logs() -> None:
     t = np.arange(600) * 0.01
     run = {"t": t, "x": np.cos(2 * t), "v": -2 * np.sin(2 * t)}
     # A statistic has differences of order 2; logs would choose a higher one.

@@ -109,10 +109,10 @@ def test_tables_give_the_coefficients_of_arrays(make, kind):
     for fit in (make().fit(table), make(states=NAMES).fit(table)):
         np.testing.assert_allclose(numbers(fit), numbers(wanted), rtol=1e-12, atol=1e-13)
         assert fit.score(table) == pytest.approx(wanted.score(X, T), abs=1e-12)
-        found = fit.predict(table)
-        assert isinstance(found, back)
+        predicted = fit.predict(table)
+        assert isinstance(predicted, back)
         expected = wanted.predict(X)
-        np.testing.assert_allclose(values_of(found, fit.model_.outputs), expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(values_of(predicted, fit.model_.outputs), expected, rtol=1e-9, atol=1e-9)
     assert list(make().fit(table).feature_names_in_) == NAMES
 
 
@@ -133,9 +133,9 @@ def test_columns_of_a_table_beside_a_clock(make):
     for fit in (make().fit(df[NAMES], PERIOD, u=inputs), make(dt=PERIOD).fit(df[NAMES], u=inputs)):
         np.testing.assert_array_equal(numbers(fit), numbers(even))
     fit = make().fit(df[NAMES], T, u=inputs)
-    found = fit.predict(df[NAMES][:20], inputs[:20])
-    np.testing.assert_array_equal(found.to_numpy(), wanted.predict(X[:20], U[:20]))
-    assert list(found.columns) == list(fit.model_.outputs) and found.index.equals(df.index[:20])
+    predicted = fit.predict(df[NAMES][:20], inputs[:20])
+    np.testing.assert_array_equal(predicted.to_numpy(), wanted.predict(X[:20], U[:20]))
+    assert list(predicted.columns) == list(fit.model_.outputs) and predicted.index.equals(df.index[:20])
     assert fit.score(df[NAMES], T, u=inputs) == wanted.score(X, T, u=U)
 
 
@@ -177,8 +177,8 @@ def test_targets_beside_tables():
 
 def test_variables_over_several_dimensions_are_columns():
     data = xr.Dataset({"leg": (("joint", "time"), X.T)}, coords={"time": T, "joint": ["hip", "knee"]})
-    found = ff.read(data, ["leghip", "legknee"])
-    np.testing.assert_array_equal(found["legknee"], X[:, 1])
+    read = ff.read(data, ["leghip", "legknee"])
+    np.testing.assert_array_equal(read["legknee"], X[:, 1])
     counted = ff.SINDy(library="poly(1)").fit(xr.DataArray(X, dims=("time", "k"), coords={"time": T}, name="leg"))
     assert list(counted.feature_names_in_) == ["leg0", "leg1"]
     with pytest.raises(ValueError, match="dimensions"):
@@ -216,16 +216,16 @@ except ff.exceptions.DataError as error:
 
 
 def test_an_index_of_times_is_a_clock_without_pyarrow():
-    found = subprocess.run([sys.executable, "-c", WITHOUT_ARROW], capture_output=True, text=True, check=False)
-    assert found.returncode == 0 and "fitted" in found.stdout, found.stderr
+    process = subprocess.run([sys.executable, "-c", WITHOUT_ARROW], capture_output=True, text=True, check=False)
+    assert process.returncode == 0 and "fitted" in process.stdout, process.stderr
 
 
-def test_an_index_of_times_is_the_clock_of_a_data_set():
+def test_index_of_times_is_the_clock():
     late = dated(T + (T > 2.0) * 60.0)
-    found = ff.read(ff.open(late), NAMES)
-    np.testing.assert_array_equal(found["stamp"], late.index.to_numpy())
-    assert len(set(found["episode"])) == 2
-    # What is said stands above it.
+    read = ff.read(ff.open(late), NAMES)
+    np.testing.assert_array_equal(read["stamp"], late.index.to_numpy())
+    assert len(set(read["episode"])) == 2
+    # Arguments override it.
     even = ff.read(ff.open(late, dt=0.5), NAMES)
     assert even["t"][1] == 0.5 and len(set(even["episode"])) == 1
     assert ff.read(ff.open(late, recipe={"time": {"dt": 0.5}}), NAMES)["t"][1] == 0.5
@@ -236,7 +236,7 @@ def test_an_index_of_times_is_the_clock_of_a_data_set():
 # -- the package's own tables
 
 
-def own():
+def small_table():
     return ff.read({"t": np.arange(5) * 0.5, "x": np.array([1.0, 2.0, 4.0, 8.0, 16.0]), "y": np.arange(5.0)}, ["x", "y"])
 
 
@@ -246,17 +246,17 @@ def own():
     ids=str,
 )
 def test_rows_of_a_table(key):
-    table = own()
+    table = small_table()
     rows = np.atleast_1d(np.arange(5)[key])
-    found = table[key]
-    assert isinstance(found, ff.Table) and len(found) == len(rows) and found.columns == table.columns
+    selected = table[key]
+    assert isinstance(selected, ff.Table) and len(selected) == len(rows) and selected.columns == table.columns
     for name in table.columns:
-        np.testing.assert_array_equal(found[name], table[name][rows])
-    assert found.units == table.units
+        np.testing.assert_array_equal(selected[name], table[name][rows])
+    assert selected.units == table.units
 
 
 def test_columns_of_a_table():
-    table = own()
+    table = small_table()
     assert table[["y", "x"]].columns == ["y", "x"] and len(table[["y", "x"]]) == 5
     both = table[table["x"] > 3, ["x"]]
     assert both.columns == ["x"] and both["x"].tolist() == [4.0, 8.0, 16.0]
@@ -288,14 +288,14 @@ reveal_type(fit)
 """
 
 
-def test_editors_know_what_comes_back(tmp_path):
+def test_editors_know_return_types(tmp_path):
     pytest.importorskip("mypy", reason="mypy is not installed")
     (tmp_path / "user.py").write_text(USER)
-    found = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "user.py"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
-    assert "fleetfoot._sindy.SINDy" in found.stdout, found.stdout
-    assert found.returncode == 0, found.stdout
+    assert "fleetfoot._sindy.SINDy" in process.stdout, process.stdout
+    assert process.returncode == 0, process.stdout
 
 
 def worded(kind):
@@ -340,11 +340,11 @@ def test_times_of_the_day_pass_midnight():
 
 def test_other_libraries_take_the_columns_by_name():
     table = ff.read(pa.table({"t": T, "q": X[:, 0], "mode": ["a", "b"] * (len(T) // 2)}), ["q", "mode"])
-    for found in (pd.DataFrame(table), table.to_pandas()):
-        assert list(found.columns) == table.columns
-        np.testing.assert_array_equal(found["q"].to_numpy(), X[:, 0])
-        np.testing.assert_array_equal(found["stamp"].to_numpy(), table["stamp"])
-        assert list(found["mode"]) == ["a", "b"] * (len(T) // 2)
+    for frame in (pd.DataFrame(table), table.to_pandas()):
+        assert list(frame.columns) == table.columns
+        np.testing.assert_array_equal(frame["q"].to_numpy(), X[:, 0])
+        np.testing.assert_array_equal(frame["stamp"].to_numpy(), table["stamp"])
+        assert list(frame["mode"]) == ["a", "b"] * (len(T) // 2)
     assert pl.DataFrame(table).columns == table.columns
     np.testing.assert_array_equal(pl.DataFrame(table)["q"].to_numpy(), X[:, 0])
     first = next(iter(table))
@@ -379,22 +379,22 @@ def test_lazy_tables_stream(make, monkeypatch, tmp_path):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     eager = make().fit(pl.from_pandas(frame()))
     for fit in (make(), make(states=NAMES)):
-        found = fit.fit(held_back())
-        assert found.model_.states == tuple(NAMES)
-        np.testing.assert_array_equal(numbers(found), numbers(eager))
-        assert found.score(held_back()) == eager.score(pl.from_pandas(frame()))
-        assert found.model_.to_json() == fit.fit(held_back()).model_.to_json()
+        fitted = fit.fit(held_back())
+        assert fitted.model_.states == tuple(NAMES)
+        np.testing.assert_array_equal(numbers(fitted), numbers(eager))
+        assert fitted.score(held_back()) == eager.score(pl.from_pandas(frame()))
+        assert fitted.model_.to_json() == fit.fit(held_back()).model_.to_json()
     assert list(make().fit(held_back()).feature_names_in_) == NAMES
     # The files are gone with what read them.
     assert not list(tmp_path.iterdir())
 
 
-def test_the_clock_of_a_lazy_table_is_named_or_a_period():
+def test_lazy_tables_take_clock_or_period():
     for second in ("t", 0.01, None):
         wanted = ff.PWA(1).fit(pl.from_pandas(frame()), second)
-        found = ff.PWA(1).fit(held_back(), second)
-        assert found.model_.states == wanted.model_.states
-        np.testing.assert_array_equal(found.coefficients(), wanted.coefficients())
+        fitted = ff.PWA(1).fit(held_back(), second)
+        assert fitted.model_.states == wanted.model_.states
+        np.testing.assert_array_equal(fitted.coefficients(), wanted.coefficients())
     with pytest.raises(DataError, match="t='clock'"):
         ff.PWA(1).fit(held_back(), "clock")
     with pytest.raises(ValueError, match="lazy tables have their own stamps"):

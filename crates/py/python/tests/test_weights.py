@@ -43,7 +43,7 @@ def predicted(make: Any, weight: np.ndarray | None) -> np.ndarray:
 
 @pytest.mark.parametrize("weight", WEIGHTS.values(), ids=WEIGHTS)
 @pytest.mark.parametrize("make", ESTIMATORS.values(), ids=ESTIMATORS)
-def test_the_scale_of_weights_says_nothing(make: Any, weight: np.ndarray) -> None:
+def test_scale_of_weights_changes_nothing(make: Any, weight: np.ndarray) -> None:
     expected = predicted(make, weight)
     for scale in SCALES:
         np.testing.assert_allclose(predicted(make, scale * weight), expected, rtol=1e-6, atol=1e-6, err_msg=f"{scale}")

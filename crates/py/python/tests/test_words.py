@@ -55,15 +55,15 @@ def test_errors_name_arguments(estimator, words):
 
 
 @pytest.mark.parametrize(
-    ("said", "wanted"),
+    ("text", "wanted"),
     [
         ("the recipe: unknown field at line 1 column 12", "the recipe: unknown field"),
         ("`mcap convert --fast a.bag` helps", "`mcap convert --fast a.bag` helps"),
         ("runs/a--b.csv is cut", "runs/a--b.csv is cut"),
     ],
 )
-def test_only_places_in_json_are_left_out(said, wanted):
-    assert _words.of_python(said) == wanted
+def test_only_places_in_json_are_left_out(text, wanted):
+    assert _words.of_python(text) == wanted
     assert _words.of_python(wanted) == wanted
 
 
@@ -104,15 +104,15 @@ HUGE = 10**200
         (lambda m: ff.Plan({"time": {"dt": 1}}, TABLE, chunk_rows=0), "chunk_rows=0: give a whole number of 1 or more"),
     ],
 )
-def test_a_wrong_value_is_said_in_words_of_python(call, message):
+def test_wrong_values_are_named_as_in_python(call, message):
     model = ff.PWA().fit(X, T).model_
     with pytest.raises(FleetfootError) as caught:
         call(model)
-    said = str(caught.value)
-    assert said.startswith(message) and "TOML" not in said and len(said) < 500, said
+    text = str(caught.value)
+    assert text.startswith(message) and "TOML" not in text and len(text) < 500, text
 
 
-def test_text_of_toml_keeps_the_place_of_its_mistake():
+def test_toml_errors_keep_their_place():
     with pytest.raises(FleetfootError, match=r"the recipe: TOML parse error at line 1"):
         ff.PWA(recipe="[pwa\nfolds=").fit(X, T)
 
@@ -132,7 +132,7 @@ def test_one_name_is_no_list_of_letters():
     assert model.rollout(TABLE, 5, position="x0")["model"] == model.rollout(TABLE, 5, position=["x0"])["model"]
 
 
-def test_routine_facts_are_logged_and_what_may_be_wrong_warns(tmp_path, caplog):
+def test_facts_are_logged_and_problems_warn(tmp_path, caplog):
     made = ff.generate("diffdrive", tmp_path, runs=3, seconds=3)
     data = ff.open(made.files[:2], recipe=made.recipe)
     with caplog.at_level(logging.INFO, "fleetfoot"), warnings.catch_warnings():

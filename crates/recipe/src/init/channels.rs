@@ -156,7 +156,7 @@ fn columns_section(
         }
         let places = |of: &HashMap<&str, Vec<usize>>| of.get(topic.name.as_str()).cloned().unwrap_or_default();
         let listed: Vec<(&Column, &String)> = places(&fields_of).iter().map(|&at| (fields[at], &short[at])).collect();
-        // What is said once is no signal.
+        // A message that comes once is no signal.
         if topic.messages.is_some_and(|count| count < 2) && !listed.is_empty() {
             let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", listed.len());
             continue;
@@ -481,7 +481,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_of_ardupilot_has_a_draft_of_attitude_rates_and_outputs() {
+    fn ardupilot_draft_has_attitude_rates_and_outputs() {
         let ends = |topic: &str, all: &[&str]| {
             all.iter().map(|end| Column::float(format!("{topic}.{end}"))).collect::<Vec<_>>()
         };
@@ -514,7 +514,7 @@ mod tests {
 
     /// Of a quaternion that is known by hand: `q = q_yaw q_pitch q_roll` of half angles, w first as PX4 logs it.
     #[test]
-    fn an_attitude_is_drafted_as_angles_that_are_right() {
+    fn attitude_is_drafted_as_correct_angles() {
         let (roll, pitch, yaw) = (0.3_f64, -0.2_f64, 1.1_f64);
         let ((sr, cr), (sp, cp), (sy, cy)) = ((roll / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
         let quaternion = [
@@ -546,7 +546,7 @@ mod tests {
         for (at, angle) in [roll, pitch, yaw].into_iter().enumerate() {
             assert!((block.core(at)[0] - angle).abs() < 1e-12, "{}: {}", block.core(at)[0], angle);
         }
-        // What is known of a turn, p = (1, 2, 3) rad/s, against its difference quotient.
+        // Known rates of a turn, p = (1, 2, 3) rad/s, against its difference quotient.
         let rates = [1.0, 2.0, 3.0];
         let (p, q, r) = (rates[0], rates[1], rates[2]);
         let step = 1e-6;

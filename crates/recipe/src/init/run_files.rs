@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use fleetfoot_data::{Column, ColumnKind};
-use fleetfoot_log::{ClockInfo, Error, FoundRuns, inspect};
+use fleetfoot_log::{ClockInfo, DetectedRuns, Error, inspect};
 
 use super::{
     columns_heading, episodes_section, heading, is_angle, key, method_section, model_section, names::Names,
@@ -19,7 +19,7 @@ const STATES: [&str; 7] = ["odom", "state", "pose", "joint", "position", "veloci
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn starter_recipe_of_runs(runs: &FoundRuns) -> Result<String, Error> {
+pub fn starter_recipe_of_runs(runs: &DetectedRuns) -> Result<String, Error> {
     let mut topics = Vec::new();
     let mut clocks = Vec::new();
     for (topic, path) in runs.runs.first().map_or(&[][..], |run| &run.files) {
@@ -39,7 +39,7 @@ pub fn starter_recipe_of_runs(runs: &FoundRuns) -> Result<String, Error> {
     Ok(recipe(runs, &topics, &clocks))
 }
 
-fn recipe(runs: &FoundRuns, topics: &[(&str, Vec<Column>)], clocks: &[(&str, ClockInfo)]) -> String {
+fn recipe(runs: &DetectedRuns, topics: &[(&str, Vec<Column>)], clocks: &[(&str, ClockInfo)]) -> String {
     let is_of = |topic: &str, words: &[&str]| words.iter().any(|word| topic.to_lowercase().contains(word));
     let is_command = |topic: &str| is_of(topic, &COMMANDS);
     let measured = || topics.iter().map(|(topic, _)| *topic).filter(|topic| !is_command(topic));

@@ -61,8 +61,8 @@ impl Derivative {
     }
 
     /// Central difference that a word names; the lowest order where the data choose it.
-    pub fn central(said: Option<&Self>, of: &Expr, angle: bool) -> Option<CentralDifference> {
-        let (reach, spacing) = match said {
+    pub fn central(derivative: Option<&Self>, of: &Expr, angle: bool) -> Option<CentralDifference> {
+        let (reach, spacing) = match derivative {
             None => (1, Spacing::Even),
             Some(Self::Text(word)) => match word.as_str() {
                 "auto" | "central" => (1, Spacing::Even),
@@ -76,8 +76,8 @@ impl Derivative {
     }
 
     /// True where the data choose the order of the central difference.
-    pub fn is_any_order(said: Option<&Self>) -> bool {
-        said.is_none_or(|said| matches!(said, Self::Text(word) if word == "auto"))
+    pub fn is_any_order(derivative: Option<&Self>) -> bool {
+        derivative.is_none_or(|derivative| matches!(derivative, Self::Text(word) if word == "auto"))
     }
 
     /// Derivative of a chosen span: a number of rows, or a central difference.

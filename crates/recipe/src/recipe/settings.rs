@@ -23,30 +23,30 @@ pub trait Settings: clap::Args + Clone + std::fmt::Debug + PartialEq + Default +
 
     /// Removes from a recipe the entries that contradict this section: a number of terms, if this section has a
     /// threshold.
-    fn silence(&self, recipe: &mut Recipe);
+    fn remove_contradictions(&self, recipe: &mut Recipe);
 }
 
 impl Recipe {
     /// Puts explicit entries above those of the recipe.
-    pub fn say<S: Settings>(&mut self, said: S) {
-        said.silence(self);
+    pub fn override_with<S: Settings>(&mut self, overrides: S) {
+        overrides.remove_contradictions(self);
         let settings = std::mem::take(S::of(self));
-        *S::of(self) = said.over(settings);
+        *S::of(self) = overrides.over(settings);
     }
 
     /// Puts all method sections of another recipe above those of this one.
-    pub fn say_all(&mut self, said: &Self) {
-        self.say(said.pwa.clone());
-        self.say(said.sparse.clone());
-        self.say(said.sindy.clone());
-        self.say(said.narx.clone());
-        self.say(said.network.clone());
-        self.say(said.estimate.clone());
-        self.say(said.control.clone());
-        self.say(said.filter.clone());
-        self.say(said.prepare.clone());
-        self.say(said.resimulate.clone());
-        self.say(said.auto.clone());
+    pub fn override_all(&mut self, overrides: &Self) {
+        self.override_with(overrides.pwa.clone());
+        self.override_with(overrides.sparse.clone());
+        self.override_with(overrides.sindy.clone());
+        self.override_with(overrides.narx.clone());
+        self.override_with(overrides.network.clone());
+        self.override_with(overrides.estimate.clone());
+        self.override_with(overrides.control.clone());
+        self.override_with(overrides.filter.clone());
+        self.override_with(overrides.prepare.clone());
+        self.override_with(overrides.resimulate.clone());
+        self.override_with(overrides.auto.clone());
     }
 }
 
@@ -54,7 +54,7 @@ impl Recipe {
 /// with their flags.
 macro_rules! settings {
     (
-        $section:ident, $silence:expr;
+        $section:ident, $contradictions:expr;
         $(#[$about:meta])*
         pub struct $name:ident {
             $($(#[$meta:meta])* pub $entry:ident: $kind:ident,)*
@@ -83,9 +83,9 @@ macro_rules! settings {
                 Self { $($entry: self.$entry.or(below.$entry),)* }
             }
 
-            fn silence(&self, recipe: &mut $crate::Recipe) {
-                let silence: fn(&Self, &mut $crate::Recipe) = $silence;
-                silence(self, recipe);
+            fn remove_contradictions(&self, recipe: &mut $crate::Recipe) {
+                let remove: fn(&Self, &mut $crate::Recipe) = $contradictions;
+                remove(self, recipe);
             }
         }
     };

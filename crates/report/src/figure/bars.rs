@@ -72,7 +72,7 @@ impl Bars {
         let values = || self.bars.iter().flat_map(|(_, values)| values);
         let most = values().map(|v| v.value).filter(|v| v.is_finite()).fold(0.0, f64::max);
         let most = self.level.as_ref().map_or(most, |(level, _)| most.max(*level));
-        // Where no value is below zero, an interval that reaches there only says that it is wide.
+        // If no value is below zero, an interval that reaches there only shows that it is wide.
         let least = values().map(|v| v.value).filter(|v| v.is_finite()).fold(0.0, f64::min);
         let near = |value: &f64| (1.5 * least..=1.5 * most).contains(value);
         let ends = values().flat_map(|v| [v.low, v.high]);

@@ -59,7 +59,7 @@ pub struct Series {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
     /// In a separate colour.
-    Own,
+    Coloured,
     /// Grey and dashed: something to compare with.
     Reference,
     /// Dark: measurements.
@@ -77,7 +77,7 @@ pub enum Stroke {
 impl Series {
     /// A line through places and values.
     pub fn line(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { name: name.into(), x, y, band: None, stroke: Stroke::Own }
+        Self { name: name.into(), x, y, band: None, stroke: Stroke::Coloured }
     }
 
     /// With a band around it.
@@ -217,14 +217,14 @@ impl Lines {
     fn class(&self, index: usize) -> String {
         let before = |stroke: &[Stroke]| self.series[..index].iter().filter(|s| stroke.contains(&s.stroke)).count();
         match self.series[index].stroke {
-            Stroke::Own | Stroke::Steps | Stroke::Area => {
-                let hue = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]);
+            Stroke::Coloured | Stroke::Steps | Stroke::Area => {
+                let hue = before(&[Stroke::Coloured, Stroke::Steps, Stroke::Area]);
                 format!("{} d{}", colour(hue), hue / 6 % 3)
             }
             Stroke::Reference => format!("reference r{}", before(&[Stroke::Reference]) % 3),
             Stroke::Measured => "measured".to_owned(),
             Stroke::Marks | Stroke::HollowMarks => {
-                let hue = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]).max(1) - 1;
+                let hue = before(&[Stroke::Coloured, Stroke::Steps, Stroke::Area]).max(1) - 1;
                 format!("{} r{}", colour(hue), u8::from(self.series[index].stroke == Stroke::HollowMarks))
             }
         }
@@ -253,7 +253,7 @@ impl Series {
         }
         if let Some([low, high]) = &self.band {
             let ends = self.stepped(low.iter().copied().zip(high.iter().copied()));
-            // What is not above zero lies below all of a logarithmic axis.
+            // Values that are not above zero lie below all of a logarithmic axis.
             let low_end = |low: f64| vertical.at(low).or((low <= 0.0).then_some(vertical.from));
             for part in runs(ends.map(|(x, (low, high))| Some((across.at(x)?, low_end(low)?, vertical.at(high)?)))) {
                 let there = part.iter().map(|&(x, low, _)| [x, low]);
@@ -290,11 +290,11 @@ impl Series {
 }
 
 /// Runs of present values.
-fn runs<T>(things: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
+fn runs<T>(points: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
     let mut runs: Vec<Vec<T>> = vec![Vec::new()];
-    for thing in things {
-        match (thing, runs.last_mut()) {
-            (Some(thing), Some(last)) => last.push(thing),
+    for point in points {
+        match (point, runs.last_mut()) {
+            (Some(point), Some(last)) => last.push(point),
             (None, Some(last)) if !last.is_empty() => runs.push(Vec::new()),
             _ => {}
         }

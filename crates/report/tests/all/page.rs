@@ -275,7 +275,7 @@ proptest! {
 
 /// A band that reaches below zero is drawn whole on a logarithmic axis, and does not decide the axis' range.
 #[test]
-fn bands_below_zero_are_drawn_to_the_foot_of_a_logarithmic_axis() {
+fn negative_bands_end_at_the_axis_foot() {
     let mut axis = Axis::of("score", "");
     axis.scale = Scale::Logarithmic;
     let band = |low: [f64; 4]| {

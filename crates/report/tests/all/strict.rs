@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 /// Parts of a page.
 #[derive(Debug, Default)]
-pub(crate) struct Found {
+pub(crate) struct PageContent {
     /// Names of the elements, in order.
     pub(crate) elements: Vec<String>,
     /// Text outside of tags, entities resolved.
@@ -22,8 +22,8 @@ pub(crate) struct Found {
 const CLOSED: [&str; 7] = ["meta", "line", "rect", "path", "circle", "mspace", "br"];
 
 /// Reads a page; panics with the place of an error.
-pub(crate) fn read(page: &str) -> Found {
-    let mut document = Found::default();
+pub(crate) fn read(page: &str) -> PageContent {
+    let mut document = PageContent::default();
     let mut open: Vec<String> = Vec::new();
     let mut rest = page.strip_prefix("<!DOCTYPE html>").unwrap_or(page);
     while let Some(at) = rest.find('<') {
@@ -69,7 +69,7 @@ fn end_of_tag(rest: &str) -> usize {
     end.expect("a tag ends").0
 }
 
-fn attributes(text: &str, tag: &str, document: &mut Found) {
+fn attributes(text: &str, tag: &str, document: &mut PageContent) {
     let (mut rest, mut seen) = (text.trim(), BTreeSet::new());
     while !rest.is_empty() {
         let (name, behind) = rest.split_once("=\"").unwrap_or_else(|| panic!("<{tag}>: not quoted"));

@@ -98,7 +98,7 @@ fn step(trajectory: &Trajectory, domain: bool, result: &TestResult) -> (i64, Vec
             let code = if left { -1 - i64::from(region) } else { i64::from(region) };
             (code, trajectory.state(1).to_vec())
         }
-        // Where the model blows up there is nothing to compare.
+        // A diverging model gives nothing to compare.
         (_, None) => (result.code, result.values.clone()),
     }
 }

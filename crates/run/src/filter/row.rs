@@ -4,7 +4,7 @@ use fleetfoot_control::filter::{SwitchedFilter, Track};
 use fleetfoot_data::Block;
 use fleetfoot_library::Unary;
 
-use super::asked::Reading;
+use super::resolved::Reading;
 
 /// Consecutive rows of an episode, filtered.
 #[derive(Debug, Clone)]

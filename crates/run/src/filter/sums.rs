@@ -6,7 +6,7 @@ use fleetfoot_data::setting::{MAX_GAP, TIME_SECTION};
 
 use super::{
     DeviationFrom, SensorReport, TruthReport,
-    asked::{self, Reading},
+    resolved::{self, Reading},
     row::FilteredRows,
 };
 
@@ -239,7 +239,7 @@ impl Sums {
     }
 
     pub(super) fn truth(&self, filter: &SwitchedFilter, readings: &Reading) -> Vec<TruthReport> {
-        let report = |(truth, &[squares, rows, off, readings]): (&asked::Truth, &[f64; 4])| TruthReport {
+        let report = |(truth, &[squares, rows, off, readings]): (&resolved::Truth, &[f64; 4])| TruthReport {
             state: filter.states()[truth.state].clone(),
             rmse: (squares / rows).sqrt(),
             measured_rmse: (readings > 0.0).then(|| (off / readings).sqrt()),

@@ -56,7 +56,7 @@ fn fitted(logs: &[PathBuf]) -> Model {
 }
 
 /// Every reported number, as bits.
-fn said(rows: &FilteredRows) -> Vec<u64> {
+fn bits(rows: &FilteredRows) -> Vec<u64> {
     let columns = [rows.means(), rows.deviations(), rows.probabilities(), rows.innovations(), rows.log_likelihood()];
     let more = [rows.innovation_deviations(), &rows.nis, &rows.nees];
     columns.into_iter().chain(more).flatten().map(|value| value.to_bits()).collect()
@@ -89,7 +89,7 @@ fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
             })
         });
         let episodes: Vec<(String, Vec<i64>, Vec<u64>)> =
-            kept.iter().map(|rows| (rows.episode().to_owned(), rows.stamps().to_vec(), said(rows))).collect();
+            kept.iter().map(|rows| (rows.episode().to_owned(), rows.stamps().to_vec(), bits(rows))).collect();
         assert!(most <= at_a_time, "{most} rows at a time");
         (filtered.expect("filtered").to_json().to_string(), episodes)
     };

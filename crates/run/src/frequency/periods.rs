@@ -150,7 +150,7 @@ impl Periods {
             let values: Vec<f64> = (0..=last).filter(|&k| chosen(k)).map(of).collect();
             (!values.is_empty()).then(|| (values.iter().sum::<f64>() / values.len() as f64).sqrt())
         };
-        // What repeats in every period, and what does not.
+        // Mean over the periods, and the rest.
         let steady = |k: usize| {
             let all = self.episodes.iter().map(|episode| square(mean(episode.iter().map(|one| &one[1][k]))));
             all.sum::<f64>() / self.episodes.len() as f64

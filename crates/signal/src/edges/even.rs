@@ -45,7 +45,7 @@ fn evened(edges: &[Edge], margin: f64) -> Option<Vec<Edge>> {
     let corners = program.corners(program.ends());
     let bounded = edges.iter().zip(&places).map(|(edge, &place)| {
         let [least, most] = Program::reach(&corners, place).map(|off| about(place) + off);
-        // What a rounded corner says beyond the bracket is no news.
+        // Rounded corners add nothing beyond the bracket.
         let (after, before) = (least.max(edge.after - margin), most.min(edge.before + margin));
         Edge { after: after.min(before), before, ..*edge }
     });
@@ -69,7 +69,7 @@ mod tests {
 
     /// The bounds are the heights of the feasible polygon's corners, which are found by brute force: all crossings of two constraints that violate no other.
     #[test]
-    fn bounds_are_those_of_all_corners() {
+    fn bounds_match_all_corners() {
         let edges = brackets(40);
         let places: Vec<f64> = (1..=40_u64).map(|k| (k + k / 7) as f64).collect();
         let limits: Vec<(f64, f64)> =

@@ -114,7 +114,7 @@ impl WithSimd for Reduction<'_> {
             if count == 0 {
                 continue;
             }
-            // What is left of theta sees its right side, which comes before it. Loops begin at a multiple of eight columns: what lies before is zero already.
+            // The rest of theta sees its right side, which comes before it. Loops begin at a multiple of eight columns: lower ones are zero already.
             let from = c.min(RIGHT) / LANES;
             let (done, below) = rows.split_at_mut(first + 1);
             let head = &mut done[first];

@@ -199,8 +199,8 @@ pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> O
     let count = words.number()?;
     for _ in 0..count {
         let [run, first, nodes] = [words.number()?, words.number()?, words.number()?];
-        let is_it = |track: &Track<'_>| track.run == run && track.first == first && track.nodes() == nodes;
-        let at = problem.tracks.iter().position(is_it)?;
+        let is_track = |track: &Track<'_>| track.run == run && track.first == first && track.nodes() == nodes;
+        let at = problem.tracks.iter().position(is_track)?;
         places.push((at, Words(words.0)));
         words.0 = words.0.get(8 * (6 + NODE * nodes)..)?;
     }

@@ -117,7 +117,7 @@ fn chain(block: &mut Block<INERTIAL>, states: [&State; 2], dt: f64, noise: &Body
     let (rows, columns) = ([6, 3, 12], [POSITION, VELOCITY, ACCELEROMETER]);
     let back = whitening(dt, noise.jerk);
     let left = chain_residual(states, dt);
-    // How much of position, velocity and acceleration is carried on from each of the first node.
+    // Shares of position, velocity and acceleration that are carried on from each of the first node.
     let forward = [[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]];
     for (row, row_of_back) in rows.into_iter().zip(&back) {
         for axis in 0..3 {

@@ -212,7 +212,7 @@ mod tests {
 
     /// The deviations are the roots of the inverse's diagonal, and infinite where nothing is told.
     #[test]
-    fn deviations_are_those_of_the_inverse() {
+    fn deviations_match_inverse() {
         let information = DMatrix::from_row_slice(3, 3, &[40.0, 10.0, 0.0, 10.0, 5.0, 0.0, 0.0, 0.0, 0.0]);
         let computed = deviations(&information);
         // The inverse of the first two is (5, -10; -10, 40) / 100.

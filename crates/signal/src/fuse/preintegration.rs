@@ -102,7 +102,7 @@ impl ImuRecord<'_> {
     fn curved(&self, values: &[[f64; 3]], k: usize, from: f64, to: f64) -> Vector {
         let (width, [a, b]) = (self.times[k + 1] - self.times[k], [k, k + 1].map(|row| Vector::from(values[row])));
         let chord = b - a;
-        // What the slopes at both ends are off that of the chord.
+        // Differences of the slopes at both ends from that of the chord.
         let bend = |row: usize| {
             if row == 0 || row + 1 == self.times.len() {
                 Vector::zeros()

@@ -236,7 +236,7 @@ impl<'a> Problem<'a> {
                 damping = (10.0 * damping).max(FIRST_DAMPING);
                 continue;
             }
-            // What rounding leaves of the cost cannot tell two such states apart.
+            // The rounding of the cost cannot tell two such states apart.
             if is_small || gained.abs() < 1e-12 {
                 self.at_rest = Some(step.whole).filter(|_| undamped);
                 return Ok(Descent { steps, converged: true });
@@ -448,8 +448,8 @@ fn taken<const N: usize>(
     }
     // Of A B' with these factors only the diagonal is asked for.
     let diagonal = |a: SMatrix<f64, N, STATE>, b: &SMatrix<f64, N, STATE>| a.component_mul(b).column_sum();
-    let (by_own, by_border) = (product(&block.node, &joint.node), product(&block.node, &joint.with_border));
-    let mut taken = diagonal(by_own, &block.node);
+    let (by_node, by_border) = (product(&block.node, &joint.node), product(&block.node, &joint.with_border));
+    let mut taken = diagonal(by_node, &block.node);
     taken += (product(&border, theta) + by_border * 2.0).component_mul(&border).column_sum();
     if let Some(next) = next {
         let crossed = product(&block.node, &joint.with_next) * 2.0 + product(&block.next, &next.node);

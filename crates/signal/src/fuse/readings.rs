@@ -114,7 +114,7 @@ fn squares(records: &[ImuRecord<'_>], which: usize, axis: usize, coordinates: &C
             if record.times[rows.clone()].windows(2).any(|pair| pair[1] - pair[0] > longest) {
                 continue;
             }
-            // What all readings of a window share is nothing to its differences, and would cost digits.
+            // The common part of all readings of a window does not change its differences, and would cost digits.
             let window = &values[rows];
             let difference =
                 |at: usize| (0..=ORDER).map(|i| weights[i] * (window[at + i][axis] - window[0][axis])).sum();

@@ -253,7 +253,7 @@ impl BodyTrack {
         let [here, there] = [time, to.time].map(|until| start.carried(imu, gravity.into(), noise, until));
         let missed = Carried::of(to);
         let between = |a: &[f64], b: &[f64], i: usize| a[i] + share * (b[i] - a[i]);
-        // What is missed at the end is spread as the variance is that has grown until then.
+        // The error at the end is spread in proportion to the variance that has grown until then.
         let turned = here.parts(&there, part::ATTITUDE);
         let pushed = if imu.has_forces() { here.parts(&there, part::VELOCITY).mean() } else { share };
         let left = log(&(there.attitude.inverse() * missed.attitude)).component_mul(&turned);

@@ -124,7 +124,7 @@ pub(super) fn sum(tracks: &mut [Track<'_>], setting: &Setting) {
         let nodes = first..(first + PIECE).min(track.nodes() - 1);
         Ok::<_, Cancelled>(nodes.map(|node| track.summed(node, setting)).collect::<Vec<_>>())
     });
-    // Where a stop is set sums are made when they are needed.
+    // With a stop, sums are made when they are needed.
     for ((at, _), sums) in pieces.iter().zip(sums.into_iter().flatten()) {
         tracks[*at].sums.extend(sums);
     }

@@ -128,7 +128,7 @@ impl<'a> Problem<'a> {
             has_wanted: false,
         };
         problem.know();
-        // Where nothing is sought the first pass over the readings may be all there is to do.
+        // Without free constants, the first pass over the readings may be all there is to do.
         let given = problem.sought.is_empty() && options.jerk.is_some();
         problem.sort(given && sensors.iter().all(|sensor| sensor.noise.is_some()));
         problem.determined = (0..runs.len()).map(|run| problem.smoother(run, None).is_determined()).collect();
@@ -394,7 +394,7 @@ impl<'a> Problem<'a> {
             take(&mut self.variances[sensor], squares, redundancy, LEAST * self.first[sensor]);
         }
         if self.options.jerk.is_none() {
-            // What the objective has beyond the readings is of the jerk, and states that readings tell are what it is told by.
+            // The rest of the objective belongs to the jerk; readings that determine states determine it.
             let of_readings = |pass: &Pass| pass.shares.iter().map(|share| share.squares).sum::<f64>();
             let squares = sum(&|pass| pass.squares - of_readings(pass));
             let taken = |pass: &Pass| pass.shares.iter().map(|share| share.taken).sum::<f64>();

@@ -86,7 +86,7 @@ mod tests {
 
     /// Positions alone are the quintic spline.
     #[test]
-    fn a_joint_with_an_encoder_is_smoothed_over_as_its_spline() {
+    fn encoder_joint_is_smoothed_like_its_spline() {
         let (noise, period, density) = (0.02_f64, 0.01, 40.0);
         let lambda = noise * noise / density;
         let expected = Spline::Quintic.correlation_rows(lambda, period, 1.0) * period;

@@ -89,8 +89,9 @@ pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Beg
     let main = positions.reduce(|most, sensor| if rank(sensor) > rank(most) { sensor } else { most }).unwrap_or(0);
     // A curve is sought for noise, and that of the main sensor for the jerk and for delays; records that are too short for one are refused by it.
     let led = options.jerk.is_none() || sensors.iter().any(|sensor| sensor.delay.deviation > 0.0);
-    let asked = |at: usize| sensors[at].noise.is_none() || (at == main && led) || records[at].times.len() < FEWEST;
-    let curve = |at: usize| asked(at).then(|| curve(&records[at], sensors[at].quantity)).transpose();
+    let needs_curve =
+        |at: usize| sensors[at].noise.is_none() || (at == main && led) || records[at].times.len() < FEWEST;
+    let curve = |at: usize| needs_curve(at).then(|| curve(&records[at], sensors[at].quantity)).transpose();
     let curves: Vec<Option<Rejected>> = (0..sensors.len()).map(curve).collect::<Result<_, _>>()?;
     let alone: Vec<Alone> =
         (0..sensors.len()).map(|at| alone(&records[at], &sensors[at], curves[at].as_ref())).collect();

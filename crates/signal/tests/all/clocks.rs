@@ -83,7 +83,7 @@ fn channel(rows: u64, period: f64, lag: f64, gain: f64, seed: u64) -> (Vec<f64>,
 
 /// The lag lies within its interval in nearly all of twenty runs, and is known to far less than a period.
 #[test]
-fn lags_are_found_below_a_period_with_honest_deviations() {
+fn lags_below_a_period_are_estimated() {
     let lag = 0.1234;
     let mut inside = 0;
     for seed in 0..20 {
@@ -327,7 +327,7 @@ fn edges_bracket_the_truth() {
 
 /// A wave that a timer switches, lit for any share of its period: the truth still lies inside, and the interval is a small part of that of edges which know nothing of one another.
 #[test]
-fn edges_of_an_even_wave_bound_one_another() {
+fn even_wave_edges_bound_each_other() {
     let (same, even) = (ClockLine { at: 0.0, offset: 0.0, skew: 0.0 }, WaveOptions { even: true, ..BARE });
     let mut errors = [0.0_f64; 2];
     for seed in 0..10 {
@@ -352,7 +352,7 @@ fn edges_of_an_even_wave_bound_one_another() {
 
 /// A wave that is switched by hand is not even. The alignment reports that and does not accept it as even.
 #[test]
-fn a_wave_that_is_not_even_is_refused() {
+fn uneven_waves_are_refused() {
     let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
     let bent = |t: f64| t + 0.004 * (0.3 * t).sin();
     let seen = |step: f64, seed: u64| {
@@ -371,7 +371,7 @@ fn a_wave_that_is_not_even_is_refused() {
 
 /// The ends of the interval are those of all vertices of the feasible set, which are found by brute force.
 #[test]
-fn the_interval_is_that_of_all_vertices() {
+fn interval_matches_all_vertices() {
     let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
     let line = ClockLine { at: 0.0, offset: 0.05, skew: 4e-5 };
     let (a, b) = (blinks(40.0, 0.773, 0.02, same, 0.0, 3), blinks(40.0, 0.773, 0.013, line, 0.0, 4));

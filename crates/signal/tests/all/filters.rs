@@ -48,7 +48,7 @@ fn gain(filter: &Sections, frequency: f64) -> f64 {
 
 /// Squared gains in closed form: 1 / (1 + x^2n) and 1 / (1 + e^2 T_n(x)^2), x = tan(pi f) / tan(pi fc).
 #[test]
-fn gains_are_those_of_the_closed_form() {
+fn gains_match_closed_form() {
     let x = |frequency: f64, cutoff: f64| (PI * frequency).tan() / (PI * cutoff).tan();
     for order in 1..=8 {
         let filter = Sections::butterworth(order, 0.05, 1.0).unwrap();
@@ -83,7 +83,7 @@ fn a_straight_line_passes_butterworth() {
 
 /// Frequencies above the new Nyquist frequency are gone; those well below it stay.
 #[test]
-fn decimation_keeps_what_the_new_rate_can_hold() {
+fn decimation_keeps_frequencies_below_nyquist() {
     let mixed = |row: u32| (TAU * 0.005 * f64::from(row)).sin() + (TAU * 0.24 * f64::from(row)).sin();
     let values: Vec<f64> = (0..5000).map(mixed).collect();
     let kept = decimate(&values, 10).unwrap();

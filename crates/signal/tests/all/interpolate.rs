@@ -42,7 +42,7 @@ fn cubics_are_reproduced() {
 
 /// Two points are joined by a line, three by a parabola.
 #[test]
-fn few_points_have_the_curve_that_they_determine() {
+fn few_points_determine_the_curve() {
     for kind in BOTH {
         let line = Interpolant::new(&[1.0, 3.0], &[5.0, 1.0], kind).unwrap();
         assert_eq!(line.at(2.0), [3.0, -2.0, 0.0]);

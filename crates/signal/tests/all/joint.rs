@@ -178,7 +178,7 @@ fn dense_rows(readings: &[Readings], delay: f64, slopes: &[f64]) -> Vec<DenseRea
 
 /// States, their deviations, and those of delay and bias are those of one dense factorisation, to 1e-8: its own columns have a condition near 1e6.
 #[test]
-fn states_and_constants_are_those_of_dense_least_squares() {
+fn states_and_constants_match_dense_least_squares() {
     let (_, readings) = recorded(0.25, 3);
     let wanted = instants(0.25);
     let mut options = given();
@@ -307,7 +307,7 @@ fn rate_derived_from_the_same_encoder_is_noted() {
 
 /// An encoder's steps are an error like any other, but for readings in a row that share one: at rest a position is known to a step's deviation, and no better for being read often.
 #[test]
-fn steps_of_an_encoder_count_as_what_they_are() {
+fn encoder_steps_count_as_quantised() {
     let step = 0.01;
     let quantised = |readings: &Readings| Readings {
         times: readings.times.clone(),
@@ -339,7 +339,7 @@ fn steps_of_an_encoder_count_as_what_they_are() {
 
 /// A reading that is the mean of a window stands for its middle, and a position is curved within it.
 #[test]
-fn a_mean_over_a_window_is_taken_for_one() {
+fn window_means_are_modelled() {
     let (rate, window) = (20.0_f64, 0.02);
     let mean = |t: f64, f: fn(f64) -> f64| (f(rate * t) - f(rate * (t - window))) / (rate * window);
     let times: Vec<f64> = (0..2000).map(|row| 1e-3 * f64::from(row)).collect();
@@ -405,7 +405,7 @@ fn the_noise_of_heavy_tails_is_their_scale() {
 
 /// Runs share noise and constants; a run that says nothing is left without states.
 #[test]
-fn runs_share_the_constants_and_threads_change_nothing() {
+fn runs_share_the_constants() {
     let recordings: Vec<_> = (20..24).map(|seed| recorded(2.0, seed).1).collect();
     let at = instants(2.0);
     let silent = [Readings::default(), Readings::default()];
@@ -496,7 +496,7 @@ fn rate_with_the_wrong_sign_is_noted() {
                 assert!(problem.contains("check clocks, signs and units"), "{problem}")
             }
             Err(other) => panic!("{other}"),
-            // What the command tells of.
+            // Numbers that the command reports.
             Ok(fused) => assert!(fused.sensors.iter().any(|sensor| sensor.noise > 3.0 * sensor.alone), "{fused:?}"),
         }
     }
@@ -546,7 +546,7 @@ proptest! {
             let back = |value: &f64| value / size * unit.powi(k as i32) - if k == 0 { origins.1 } else { 0.0 };
             let values: Vec<f64> = rescaled.runs[0].derivatives[k].iter().map(back).collect();
             let deviations: Vec<f64> = rescaled.runs[0].deviations[k].iter().map(|deviation| deviation / size * unit.powi(k as i32)).collect();
-            // Where the iteration ends is a thousandth of a deviation.
+            // The iteration ends within a thousandth of a deviation.
             let apart = values.iter().zip(&fused.runs[0].derivatives[k]).zip(&fused.runs[0].deviations[k]);
             prop_assert!(apart.map(|((a, b), s)| (a - b).abs() / s).fold(0.0, f64::max) < 5e-3);
             prop_assert!(distance(&deviations, &fused.runs[0].deviations[k]) < 1e-3);
@@ -575,9 +575,9 @@ fn filter_equals_smoother_at_the_last_reading() {
         let smoothed = fuse_joint(&[run(&read, &wanted[..=at])], &options).unwrap();
         for k in 0..3 {
             let (value, last) = (&filtered_run.derivatives[k][at], smoothed.runs[0].derivatives[k][at]);
-            let [own_deviation, deviation] = [filtered_run.deviations[k][at], smoothed.runs[0].deviations[k][at]];
+            let [filtered_deviation, deviation] = [filtered_run.deviations[k][at], smoothed.runs[0].deviations[k][at]];
             assert!((value - last).abs() < 1e-7 * deviation, "{k} at {at}: {value} {last} +- {deviation}");
-            assert!((own_deviation / deviation - 1.0).abs() < 1e-8, "{own_deviation} {deviation}");
+            assert!((filtered_deviation / deviation - 1.0).abs() < 1e-8, "{filtered_deviation} {deviation}");
         }
     }
 }

@@ -33,7 +33,7 @@ fn gross_errors_are_rejected_and_good_rows_kept() {
             let lost = rows.difference(&wrong).count();
             assert!(lost <= 3 && !rejected.gave_up, "{spline:?}: {lost} good rows of {ROWS}");
             assert!((rejected.smoothed.noise / 0.01 - 1.0).abs() < 0.05, "{}", rejected.smoothed.noise);
-            // What is left is smoothed as if the others had never been measured.
+            // The remaining samples are smoothed as if the others had never been measured.
             let mut left = values.clone();
             rejected.rows.iter().for_each(|&row| left[row] = f64::NAN);
             let again = smooth(&times, &left, None, spline, Lambda::Given(rejected.smoothed.lambda)).unwrap();
@@ -45,7 +45,7 @@ fn gross_errors_are_rejected_and_good_rows_kept() {
 
 /// Errors in a row that are alike, as of a marker that was taken for another: they are left out, and not the good rows about them, which stand out of a curve that was bent to the errors.
 #[test]
-fn burst_is_rejected_and_its_neighbours_are_kept() {
+fn burst_is_rejected_without_neighbours() {
     for (seed, length, size) in [(1, 30, 0.5), (2, 12, -0.3), (3, 40, 2.0)] {
         let times: Vec<f64> = (0..ROWS).map(|row| 0.01 * row as f64).collect();
         let motion = |t: &f64| (0.7 * t).sin() + 0.5 * (2.3 * t).cos();

@@ -29,9 +29,9 @@ fn check_against_dense(rows: usize, spline: Spline, m: usize, bandwidth: f64, mi
     // The kernel of the dense solution begins at 0; in units of dt its matrices are as well conditioned as they get.
     let at: Vec<f64> = times.iter().map(|t| t / dt).collect();
     let pick = |of: &[f64]| kept.iter().map(|&row| of[row]).collect::<Vec<f64>>();
-    let (own_times, own_values, own_weights) = (pick(&at), pick(&values), pick(&weights));
+    let (kept_times, kept_values, kept_weights) = (pick(&at), pick(&values), pick(&weights));
     let scaled = lambda / dt.powi(2 * m as i32 - 1);
-    let dense = Dense { m, times: &own_times, values: &own_values, weights: &own_weights, lambda: scaled };
+    let dense = Dense { m, times: &kept_times, values: &kept_values, weights: &kept_weights, lambda: scaled };
     (0..rows).filter(|&row| missing(row)).for_each(|row| values[row] = f64::NAN);
     let smoothed = smooth(&times, &values, Some(&weights), spline, Lambda::Given(lambda)).unwrap();
     let (squares, freedom) = dense.residuals();
@@ -54,7 +54,7 @@ fn check_against_dense(rows: usize, spline: Spline, m: usize, bandwidth: f64, mi
 
 /// Values, derivatives and deviations are those of the dense solution. 1e-8 is its own error: its matrices have condition numbers up to 1e8.
 #[test]
-fn splines_are_those_of_the_dense_solution() {
+fn splines_match_dense_solution() {
     for (spline, m) in BOTH {
         for bandwidth in [1.0, 3.0, 8.0] {
             check_against_dense(40, spline, m, bandwidth, |_| false);
@@ -145,7 +145,7 @@ fn chosen_penalties_are_the_least_of_their_scores() {
 
 /// On a process that is what the prior says, likelihood finds noise and penalty, and errors are as large as the deviations say.
 #[test]
-fn deviations_are_those_of_the_errors() {
+fn deviations_match_errors() {
     let (rows, dt, noise, density) = (20_000_usize, 0.01_f64, 0.05, 4.0_f64);
     let (mut f, mut slope) = (0.0, 0.0);
     let (mut truth, mut slopes) = (Vec::new(), Vec::new());
@@ -262,7 +262,7 @@ fn an_oscillation_is_not_taken_for_noise() {
 /// Choice between a cubic and a quintic channel: noisy draws of either prior get that spline, and a smooth motion gets
 /// the quintic one.
 #[test]
-fn the_better_spline_is_the_one_that_a_motion_is_drawn_from() {
+fn likelihood_prefers_the_true_spline() {
     let (rows, period) = (2000, 0.01);
     let times: Vec<f64> = (0..rows).map(|row| period * f64::from(row)).collect();
     let choose = |values: &[f64], by: Lambda| {
@@ -309,7 +309,7 @@ fn the_better_spline_has_the_greater_dense_density() {
         let lambdas =
             [0.5e-3 * 10.0_f64.powf(2.0 * uniform(300, seed)), 0.5e-4 * 10.0_f64.powf(3.0 * uniform(301, seed))];
         let densities = [surprise(&times, &values, 2, lambdas[0]), surprise(&times, &values, 3, lambdas[1])];
-        // Where they differ by little a start of great variance is no vague one.
+        // If they differ by little, a start of great variance is no vague one.
         if (densities[0] - densities[1]).abs() < 1e-2 {
             continue;
         }

@@ -91,7 +91,7 @@ impl Problem<'_> {
 
 /// Values are those of a general solver, and the objective is not above its own.
 #[test]
-fn trends_are_those_of_a_quadratic_program() {
+fn trends_match_a_quadratic_program() {
     for degree in 1..=3 {
         for lambda in [1e-3, 0.05, 2.0] {
             let (times, values, weights) = record(120, 7 * degree as u64);
@@ -141,7 +141,7 @@ fn a_strong_penalty_leaves_the_polynomial_of_least_squares() {
 
 /// Pieces of straight lines under noise: their corners are found, and slopes between them.
 #[test]
-fn corners_are_found() {
+fn trend_has_true_corners() {
     let times: Vec<f64> = (0..3000).map(|row| 0.01 * f64::from(row)).collect();
     let exact = |t: f64| {
         if t < 10.0 {
@@ -193,7 +193,7 @@ fn long_pieces_converge() {
 
 /// A channel that is a polynomial, or at rest, is its own trend.
 #[test]
-fn channels_without_noise_are_their_own_trend() {
+fn trend_of_noiseless_channel_is_itself() {
     let times: Vec<f64> = (0..500).map(|row| 0.01 * f64::from(row)).collect();
     for lambda in [Lambda::Given(1.0), Lambda::Likelihood, Lambda::Gcv] {
         for values in [vec![3.0; 500], times.clone(), times.iter().map(|t| 1e3 + t * t).collect()] {

@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_continuous_and_bounded_over_many_sweeps() {
+    fn chirp_is_continuous_and_bounded() {
         for sweep in [Sweep::Linear, Sweep::Logarithmic] {
             let chirp = Chirp { lowest: 0.3, highest: 4.0, duration: 3.7, sweep, ..Chirp::default() };
             let steepest = TAU * 4.0 * 1e-4 * 1.001;

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn its_power_is_flat_over_its_frequencies_and_nowhere_else() {
+    fn multisine_power_is_flat_and_confined() {
         for phases in [Phases::Schroeder, Phases::Random] {
             let samples = one_period(phases, 5);
             let variance = samples.iter().map(|x| x * x).sum::<f64>() / samples.len() as f64;
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_multisines_leave_out_even_multiples_and_one_odd_of_four() {
+    fn odd_multisines_skip_detection_lines() {
         let parameters = Multisine { deviation: 0.7, lowest: 0.1, highest: 6.3, odd: true, ..Multisine::default() };
         let signal = MultisineSignal::new(&parameters, &mut Pcg64::seed_from_u64(3));
         let samples: Vec<f64> = (0..5000).map(|k| signal.value(k as f64 * DT)).collect();

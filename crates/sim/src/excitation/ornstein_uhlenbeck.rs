@@ -65,7 +65,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     #[test]
-    fn its_variance_and_autocorrelation_are_those_of_the_process() {
+    fn variance_and_autocorrelation_match_process() {
         let mut random = Pcg64::seed_from_u64(11);
         let mut process = OrnsteinUhlenbeck::new(0.5, 0.2, 0.05, &mut random);
         let samples: Vec<f64> = (0..400_000).map(|_| process.next(&mut random)).collect();

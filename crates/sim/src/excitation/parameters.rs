@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_has_a_valid_default_that_a_world_file_holds() {
+    fn world_file_holds_valid_defaults() {
         #[derive(Debug, PartialEq, Serialize, Deserialize)]
         struct World {
             v: Excitation,
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_the_parameter_its_value_and_what_is_allowed() {
+    fn errors_name_parameter_value_and_range() {
         let excitation = Excitation::Sine(Sine { frequency: 60.0, ..Sine::default() });
         let error = excitation.validate(0.01).unwrap_err().within("excitation.w").to_string();
         for part in ["excitation.w.frequency", "60", "50"] {

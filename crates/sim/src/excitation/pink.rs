@@ -73,7 +73,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn its_power_density_falls_as_one_over_the_frequency() {
+    fn pink_power_falls_with_frequency() {
         const DT: f64 = 0.01;
         let parameters = Pink { offset: 0.3, deviation: 0.8, lowest: 0.02, highest: 20.0 };
         let mut random = Pcg64::seed_from_u64(8);

@@ -65,7 +65,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn it_stays_between_its_levels_and_visits_all_of_them() {
+    fn random_walk_visits_all_levels() {
         let mut random = Pcg64::seed_from_u64(2);
         let parameters = RandomWalk { low: -0.2, high: 0.6, rate: 0.5 };
         let mut signal = RandomWalkSignal::new(&parameters, 0.01, &mut random);

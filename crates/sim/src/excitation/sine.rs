@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_has_its_level_frequency_and_phase() {
+    fn sine_has_level_frequency_and_phase() {
         let sine = Sine { offset: 0.2, amplitude: 3.0, frequency: 4.0, phase: 0.5 };
         assert!((sine.value(0.0) - (0.2 + 3.0 * 0.5f64.sin())).abs() < 1e-15);
         assert!((sine.value(1.0 / 16.0) - (0.2 + 3.0 * 0.5f64.cos())).abs() < 1e-12);

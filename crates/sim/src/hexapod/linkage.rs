@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn dead_bands_lie_at_multiples_of_pi_and_legs_push_back_in_stance() {
+    fn dead_bands_lie_at_multiples_of_pi() {
         let linkage = Linkage::default();
         assert!((linkage.outer(0.0).swing - linkage.swing_amplitude).abs() < 1e-15);
         for turn in [0.0, PI, 2.0 * PI] {

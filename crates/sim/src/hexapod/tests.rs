@@ -93,7 +93,7 @@ fn momentum_is_kept_in_free_fall_with_the_cranks_running() {
 }
 
 #[test]
-fn without_damping_free_motion_keeps_its_energy_up_to_the_step() {
+fn undamped_motion_keeps_energy() {
     let mut robot = Hexapod { gravity: 0.0, ..Hexapod::default() };
     (robot.motor.viscous_friction, robot.motor.coulomb_friction) = (0.0, 0.0);
     (robot.leg.swing_damping, robot.leg.lift_damping) = (0.0, 0.0);
@@ -154,7 +154,7 @@ fn energy_never_grows_with_the_motors_off() {
 }
 
 #[test]
-fn it_stands_without_jitter_or_creep() {
+fn hexapod_stands_without_creep() {
     let robot = Hexapod::default();
     let starts = [[0.0, PI], [PI / 2.0, 1.5 * PI], [0.4, 1.0]];
     for (crank, method) in starts.into_iter().flat_map(|crank| METHODS.map(|method| (crank, method))) {
@@ -221,7 +221,7 @@ fn walk(robot: &Hexapod, method: JointMethod, voltage: f64, seconds: f64) -> Gai
 }
 
 #[test]
-fn it_walks_forward_slower_than_without_slip_and_its_strides_follow_the_speed() {
+fn hexapod_walks_with_slip() {
     let robot = Hexapod::default();
     let mut last = (0.0, 0.0);
     for voltage in [0.4, 0.6, 0.8, 1.2] {
@@ -254,7 +254,7 @@ fn half_the_step_and_the_other_joints_walk_the_same() {
 }
 
 #[test]
-fn joints_hold_while_it_runs() {
+fn joints_hold_during_a_run() {
     let robot = Hexapod::default();
     let mut world = HexapodWorld::new(&robot);
     world.place(0.0, 0.0, 0.0, [0.3, 0.3 + PI]);
@@ -272,7 +272,7 @@ fn joints_hold_while_it_runs() {
 }
 
 #[test]
-fn the_same_run_gives_the_same_bits_also_in_a_used_world() {
+fn equal_runs_give_equal_bits() {
     let robot = Hexapod::default();
     for method in METHODS {
         let run = |world: &mut HexapodWorld| {
@@ -289,7 +289,7 @@ fn the_same_run_gives_the_same_bits_also_in_a_used_world() {
 }
 
 #[test]
-fn it_is_placed_on_the_ground_with_its_springs_at_rest() {
+fn hexapod_starts_on_relaxed_springs() {
     let robot = Hexapod::default();
     for method in METHODS {
         let mut world = HexapodWorld::with_joints(&robot, method);
@@ -314,7 +314,7 @@ fn it_is_placed_on_the_ground_with_its_springs_at_rest() {
 }
 
 #[test]
-fn both_joint_methods_fly_the_same_as_the_step_goes_to_nothing() {
+fn joint_methods_agree_for_small_steps() {
     let difference = |step: f64| {
         let robot = Hexapod { step, ..Hexapod::default() };
         let [a, b] = METHODS.map(|method| {

@@ -241,7 +241,7 @@ mod tests {
 
     /// Without friction the voltage and the mass alone say how fast the carriage is; with dry friction alone it loses `F/m` a second.
     #[test]
-    fn speeds_are_those_of_the_closed_form() {
+    fn speeds_match_closed_form() {
         let mut stage = Stage { viscous: 0.0, dry: 0.0, offset: 0.0, ..Stage::default() };
         let seconds = |rows: usize| rows as f64 * 0.005;
         let after =
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn strokes_stay_within_bounds_and_bad_ones_are_refused() {
+    fn strokes_stay_within_bounds() {
         #[derive(Default)]
         struct Rows(Vec<Vec<f64>>);
         impl Sink for Rows {

@@ -8,7 +8,7 @@ use rapier3d_f64::prelude::*;
 /// Hand it to the engine's step as the hooks. Its collider needs `ActiveHooks::MODIFY_SOLVER_CONTACTS`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Belt {
-    /// Whose surface it is.
+    /// Body of the surface.
     pub collider: ColliderHandle,
     /// Of the surface, in the world, m/s.
     pub velocity: DVec3,

@@ -56,7 +56,7 @@ fn block(friction: f64, ground_first: bool) -> Bench {
 }
 
 #[test]
-fn a_falling_body_is_that_of_the_semi_implicit_euler_method() {
+fn falling_body_matches_semi_implicit_euler() {
     let height = Pose::from_translation(DVec3::new(0.0, 0.0, 10.0));
     let mut bench = Bench::new(ColliderBuilder::ball(0.01), height, 0.5, true);
     bench.run(1.0);
@@ -69,7 +69,7 @@ fn a_falling_body_is_that_of_the_semi_implicit_euler_method() {
 }
 
 #[test]
-fn a_block_is_dragged_by_the_belt_until_it_rides_on_it() {
+fn belt_drags_a_block_until_it_rides() {
     for ground_first in [true, false] {
         let friction = 0.4;
         let mut bench = block(friction, ground_first);
@@ -91,7 +91,7 @@ fn a_block_is_dragged_by_the_belt_until_it_rides_on_it() {
 }
 
 #[test]
-fn a_sliding_block_comes_to_rest_after_the_way_of_coulomb_friction() {
+fn sliding_block_stops_by_coulomb_friction() {
     let mut bench = block(0.3, true);
     bench.run(0.05);
     let start = bench.body().translation();
@@ -117,7 +117,7 @@ fn roll(friction: f64, incline: f64, seconds: f64) -> (f64, f64) {
 }
 
 #[test]
-fn a_wheel_rolls_down_an_incline_with_two_thirds_of_gravity() {
+fn rolling_wheel_has_two_thirds_acceleration() {
     let incline = 0.2_f64;
     let (speed, spin) = roll(0.5, incline, 0.3);
     let expected = 2.0 / 3.0 * GRAVITY * incline.sin() * 0.3;
@@ -126,7 +126,7 @@ fn a_wheel_rolls_down_an_incline_with_two_thirds_of_gravity() {
 }
 
 #[test]
-fn a_wheel_slips_where_friction_is_below_a_third_of_the_slope() {
+fn wheel_slips_at_low_friction() {
     // tan(0.5) / 3 = 0.182 is the least coefficient that rolls.
     let (incline, friction) = (0.5_f64, 0.1);
     let (speed, spin) = roll(friction, incline, 0.2);
@@ -140,7 +140,7 @@ fn a_wheel_slips_where_friction_is_below_a_third_of_the_slope() {
 }
 
 #[test]
-fn a_block_on_a_slope_below_the_angle_of_friction_stays() {
+fn block_rests_below_friction_angle() {
     let mut bench = block(0.5, true);
     bench.world.gravity = GRAVITY * DVec3::new(0.3_f64.sin(), 0.0, -0.3_f64.cos());
     bench.run(0.1);
@@ -151,7 +151,7 @@ fn a_block_on_a_slope_below_the_angle_of_friction_stays() {
 }
 
 #[test]
-fn a_free_block_brakes_by_no_more_than_coulomb_friction_and_not_much_less() {
+fn block_brakes_by_coulomb_friction() {
     let mut bench = block(0.3, true);
     bench.body().lock_rotations(false, true);
     bench.run(0.05);

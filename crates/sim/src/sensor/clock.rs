@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn jitter_has_its_deviation_and_keeps_the_rate() {
+    fn jitter_has_deviation_and_keeps_rate() {
         const SAMPLES: i64 = 40_000;
         let parameters = ClockParameters { jitter: 20e-6, ..ClockParameters::default() };
         let mut stamper = Clock::new(&parameters, EPOCH).stamper(3, "imu");
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_increase_even_where_jitter_exceeds_the_period() {
+    fn stamps_increase_despite_large_jitter() {
         let parameters = ClockParameters { jitter: 5e-3, skew: -100.0, ..ClockParameters::default() };
         let mut stamper = Clock::new(&parameters, EPOCH).stamper(1, "imu");
         let stamps: Vec<i64> = (0..20_000).map(|sample| stamper.stamp(sample * 1_000_000)).collect();

@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wave_aligns_clocks_that_differ_by_less_than_half_its_period() {
+    fn wave_aligns_clocks_within_half_period() {
         let clocks = ClocksParameters::default();
         let of_period = |period: f64| SyncWaveParameters { period, ..SyncWaveParameters::default() };
         clocks.validate_alignment(&SyncWaveParameters::default()).unwrap();

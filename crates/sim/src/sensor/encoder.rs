@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_of_a_steady_shaft_is_its_rate() {
+    fn encoder_reports_steady_shaft_rate() {
         for cutoff in [0.0, 20.0, 100.0] {
             let parameters = EncoderParameters { rate_cutoff: cutoff, ..quiet() };
             let mut encoder = Encoder::new(&parameters, 1, "left");
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_answers_a_step_as_one_of_first_order() {
+    fn filter_has_first_order_step_response() {
         let parameters = EncoderParameters { rate_cutoff: 10.0, bits: 31, ..quiet() };
         let mut encoder = Encoder::new(&parameters, 1, "left");
         encoder.sample(0.0);

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_overtakes_and_nothing_is_later_than_the_most() {
+    fn latency_keeps_order_and_maximum() {
         let parameters = LatencyParameters::default();
         let delays = delays(&parameters, 10_000_000);
         let arrivals: Vec<f64> =

@@ -158,7 +158,7 @@ impl Mocap {
     /// The frame at a true time, ns since the run's beginning, of a body at `position` (m) turned by `orientation` (body to world); to be
     /// called once a period.
     pub fn sample(&mut self, time: i64, position: DVec3, orientation: DQuat) -> MocapFrame {
-        // What is drawn does not depend on what is lost, so that the samples that remain are the same with and without dropouts.
+        // Draws do not depend on losses, so that the remaining samples are the same with and without dropouts.
         let position = position + orientation * DVec3::from_array(self.parameters.position);
         let noise: [f64; 6] = std::array::from_fn(|_| streams::normal(&mut self.noise));
         let moved = self.parameters.position_noise * DVec3::new(noise[0], noise[1], noise[2]);
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_remains_is_the_same_with_and_without_faults() {
+    fn faults_leave_other_samples_unchanged() {
         let clean = MocapParameters { faults: MocapFaultParameters::none(), ..MocapParameters::default() };
         let faults = MocapFaultParameters { dropout_rate: 2.0, outlier_rate: 2.0, ..MocapFaultParameters::default() };
         let faulty = samples(&MocapParameters { faults, ..MocapParameters::default() }, 4, 5000);

@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_arrives_as_it_was_sent() {
+    fn messages_arrive_unchanged() {
         let (a, b, turned) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0), DQuat::from_rotation_x(0.3));
         let many: Vec<f64> = (0..40).map(f64::from).collect();
         let readings = [

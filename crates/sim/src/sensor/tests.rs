@@ -140,7 +140,7 @@ fn logs_repeat_and_seeds_differ() {
 }
 
 #[test]
-fn a_sensor_that_is_switched_off_leaves_the_others_bits() {
+fn disabled_sensor_leaves_others_unchanged() {
     let parameters = ClocksParameters::default();
     let whole = record(&parameters, 2000, 5, &[]);
     for off in [IMU, JOINTS, MOCAP] {
@@ -161,7 +161,7 @@ fn headers_increase_strictly_on_every_topic() {
 }
 
 #[test]
-fn a_table_with_some_of_a_clocks_parameters_keeps_the_others() {
+fn partial_clock_table_keeps_defaults() {
     let clocks: ClocksParameters =
         toml::from_str("epoch = 0\n[robot]\noffset = 0.5\n[mocap]\nskew = 3.0\n[controller]\nskew = 1.0").unwrap();
     let default = ClocksParameters::default();

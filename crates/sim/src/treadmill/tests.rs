@@ -67,7 +67,7 @@ fn of_topic(log: &Log, topic: usize) -> Vec<&(usize, Stamps, Vec<f64>)> {
 }
 
 #[test]
-fn the_seed_decides_every_bit_and_sensors_leave_the_truth_alone() {
+fn seed_decides_every_bit() {
     let scenario = short();
     let (once, end) = run(&scenario, 0.4, 1);
     assert_eq!(end, End::Complete);
@@ -77,7 +77,7 @@ fn the_seed_decides_every_bit_and_sensors_leave_the_truth_alone() {
     assert_eq!(once.rows, again.rows);
     assert_eq!(once.messages, again.messages);
     assert_ne!(once.rows, run(&scenario, 0.4, 2).0.rows);
-    // What only the log hears has no say in what happens; what the controller sees has.
+    // Sensors that only the log reads do not change the run; sensors of the controller do.
     let mut deaf = scenario.clone();
     deaf.imu.gyroscope.noise *= 3.0;
     deaf.telemetry_latency.mean *= 2.0;
@@ -91,7 +91,7 @@ fn the_seed_decides_every_bit_and_sensors_leave_the_truth_alone() {
 }
 
 #[test]
-fn every_topic_comes_at_its_rate_in_the_order_of_log_stamps() {
+fn topics_keep_rates_and_stamp_order() {
     let (mut scenario, seconds) = (short(), 0.5);
     scenario.mocap.faults.dropout_rate = 0.0;
     let (log, _) = run(&scenario, seconds, 3);
@@ -195,7 +195,7 @@ fn controller_records_lamp_switches() {
 }
 
 #[test]
-fn the_recorded_input_is_what_the_robot_was_given_when_it_was_given() {
+fn recorded_input_equals_applied_command() {
     let mut scenario = short();
     scenario.command_latency = 0.004;
     scenario.clocks.controller.jitter = 0.0;
@@ -215,7 +215,7 @@ fn the_recorded_input_is_what_the_robot_was_given_when_it_was_given() {
 }
 
 #[test]
-fn a_robot_that_cannot_keep_up_is_a_fault_and_the_log_ends_there() {
+fn slow_robot_ends_the_log() {
     let mut scenario = short();
     scenario.belt.speed = 3.0;
     scenario.belt.ramp = 0.6;

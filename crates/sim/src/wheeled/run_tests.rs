@@ -82,7 +82,7 @@ fn walls_stop_the_robot_and_the_bumper_reports() {
     assert!(contact[200..].iter().sum::<f64>() > 200.0);
     let bumps = record.messages.iter().filter(|(topic, _, _)| *topic == 5).collect::<Vec<_>>();
     assert_eq!((bumps[0].2.as_str(), bumps[1].2.as_str()), ("Flag(false)", "Flag(true)"));
-    // What the wheels turn at the wall, odometry takes for a way.
+    // Odometry counts wheels that spin at the wall as a way.
     assert!(record.column(&robot, "left_rate")[300..].iter().sum::<f64>() * 0.01 * 0.035 > 0.2);
 }
 

@@ -32,7 +32,7 @@ fn frictionless() -> WheeledRobot {
 }
 
 #[test]
-fn at_rest_it_stays_where_it_is() {
+fn resting_robot_stays_in_place() {
     let mut world = standing(&WheeledRobot::default());
     let before = world.state();
     let mut fastest = 0.0f64;
@@ -47,7 +47,7 @@ fn at_rest_it_stays_where_it_is() {
 }
 
 #[test]
-fn straight_ahead_without_slip_the_way_is_the_wheels_turn_times_their_radius() {
+fn straight_path_equals_wheel_turns() {
     let robot = WheeledRobot::default();
     let mut world = standing(&robot);
     let start = world.state();
@@ -65,7 +65,7 @@ fn straight_ahead_without_slip_the_way_is_the_wheels_turn_times_their_radius() {
 }
 
 #[test]
-fn it_speeds_up_as_the_motor_with_the_reflected_mass_of_the_vehicle() {
+fn vehicle_accelerates_with_reflected_mass() {
     let robot = frictionless();
     let mut world = standing(&robot);
     let voltage = 1.5;
@@ -131,7 +131,7 @@ fn on_ice_the_wheels_spin_and_friction_alone_drives() {
 }
 
 #[test]
-fn a_coasting_robot_is_stopped_by_its_gearboxes() {
+fn gearboxes_stop_a_coasting_robot() {
     let mut robot = frictionless();
     robot.motor.coulomb_friction = 8e-3;
     let mut world = standing(&robot);

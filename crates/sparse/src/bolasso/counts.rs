@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_have_the_poisson_distribution_and_do_not_depend_on_each_other() {
+    fn counts_are_independent_poisson() {
         let (rows, b) = (20_000, 32);
         let mut counts = vec![0.0; rows * b];
         PoissonCounts::new(7, ID).fill(&(0..rows).collect::<Vec<_>>(), 0, b, &mut counts);
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_count_is_a_function_of_the_row_and_the_replicate() {
+    fn counts_depend_on_row_and_replicate() {
         let counts = PoissonCounts::new(1, ID);
         let mut all = vec![0.0; 50 * 48];
         counts.fill(&(0..50).collect::<Vec<_>>(), 100, 48, &mut all);

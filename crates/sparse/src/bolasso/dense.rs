@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn replicates_are_lassos_of_counted_rows_on_any_number_of_threads() {
+    fn replicates_are_lassos_of_counted_rows() {
         let rows: Arc<dyn DenseRows> = Arc::new(Waves);
         let weights: Vec<f64> = (0..ROWS).map(|row| 0.5 + (row % 4) as f64).collect();
         let counts = |replicate: usize| (0..ROWS).map(|row| ((row * 7 + 3 * replicate) % 5 % 3) as f64).collect();

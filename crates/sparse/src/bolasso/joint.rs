@@ -131,7 +131,7 @@ impl<'a> Joint<'a> {
     ) -> Result<Self, BolassoError> {
         let penalty = penalty(structure, assembly)?;
         let total = banks.total();
-        // What is wrong with the statistic shows here, once.
+        // Errors of the statistic show here, once.
         assemble(structure, &total, assembly)?;
         let units = units(banks.keys(), banks.rows(), unit);
         let scales = scales(structure, &total, &assembly.weights);

@@ -125,7 +125,7 @@ impl<'a> Frame<'a> {
         let size = norm(z.iter().copied().chain([beyond]));
         let more = if rows.rows() > p { compress(&mut rows, &mut z) } else { 0.0 };
         z.truncate(rows.rows());
-        // What was lost in weak directions leaks into those that are set aside.
+        // Errors in weak directions leak into those that are set aside.
         let leak = if m < p { cholesky.least.sqrt().recip() } else { 1.0 };
         let level = 16.0 * f64::EPSILON * ((p + 1) as f64).sqrt() * leak;
         let noise = (0..p).map(|j| level * self.made_from(sums.products, j) * unit[j]).collect();

@@ -103,7 +103,7 @@ impl Columns {
             let latent = pairs.library_of.iter().position(|&of| of == library).unwrap_or(0);
             pilot.triangle(regression, latent, functions.len())
         }));
-        // What is needed of a complete row beside the products: every coefficient and target, and what the scan needs.
+        // Memory of a complete row beside the products: every coefficient and target, and the needs of the scan.
         let terms = regression.tasks.iter().flat_map(|task| task.terms.iter().map(|term| &term.coefficient));
         let others = terms.chain(regression.tasks.iter().map(|task| &task.target)).chain(&plan.also);
         let expressions: Vec<Expr> = pairs.libraries[..pairs.libraries.len() - 1]
@@ -183,7 +183,7 @@ impl Columns {
                 measured[j] = library.square(j - pair[0], |a, b| products[packed(pair[0] + a, pair[0] + b)]) / weight;
             }
         }
-        // What the blocks say of these latents is not their scale.
+        // The scale of these latents does not come from the blocks.
         self.scaled.iter().for_each(|scaled| measured[scaled.column] = 0.0);
         let squares = self.pairs.columns;
         for (at, scaled) in self.scaled.iter().enumerate() {

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_unimodal_factor_is_that_of_the_paper() {
+    fn unimodal_factor_matches_paper() {
         // Continuous at 3/4 up to terms of 1/B, and below the worst case 1 / (2 tau - 1) everywhere.
         let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
         assert!(near(unimodal(0.75, 1e12, 0.1).unwrap(), 1.0));

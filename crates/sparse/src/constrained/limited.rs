@@ -12,7 +12,7 @@ use fleetfoot_data::{Column, MemorySource, Progress, Silent, Source};
 
 use super::{
     Constrained, ConstrainedError, ConstrainedOptions, Constraints, LinearConstraint, RowLimit, constrained,
-    survey::{Breach, Found, Survey},
+    survey::{Breach, LimitSurvey, Survey},
 };
 use crate::{Strength, structured::Assembled};
 use fleetfoot_sums::structured::Regression;
@@ -172,7 +172,7 @@ impl<'a> Surveys<'a> {
         Ok(Self { everywhere: Survey::new(regression, everywhere, row)?, rows, places })
     }
 
-    fn pass(&self, theta: &[f64], keep: usize, progress: &dyn Progress) -> Result<Vec<Found>, ConstrainedError> {
+    fn pass(&self, theta: &[f64], keep: usize, progress: &dyn Progress) -> Result<Vec<LimitSurvey>, ConstrainedError> {
         // One row is not progress.
         let everywhere = self.everywhere.pass(theta, keep, &Silent)?;
         let rows = self.rows.as_ref().map(|(survey, _)| survey.pass(theta, keep, progress)).transpose()?;
@@ -187,7 +187,7 @@ impl<'a> Surveys<'a> {
         }
     }
 
-    fn clearance(&self, at: usize, survey: &Found) -> Clearance {
+    fn clearance(&self, at: usize, survey: &LimitSurvey) -> Clearance {
         let source = self.rows.as_ref().map(|(_, source)| source).filter(|_| self.places[at].0);
         let place = source.zip(survey.place);
         let place = place.map(|(source, (episode, row))| (source.episodes()[episode].name.clone(), row));

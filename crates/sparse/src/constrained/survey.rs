@@ -22,7 +22,7 @@ pub(super) struct Breach {
 
 /// Result of a pass for one limit.
 #[derive(Debug, Clone)]
-pub(super) struct Found {
+pub(super) struct LimitSurvey {
     /// Least distance from the bound; negative where it is broken.
     pub(super) least: f64,
     /// Episode and row.
@@ -32,7 +32,7 @@ pub(super) struct Found {
     pub(super) breaches: Vec<Breach>,
 }
 
-impl Found {
+impl LimitSurvey {
     fn new() -> Self {
         Self { least: f64::INFINITY, place: None, size: 0.0, breaches: Vec::new() }
     }
@@ -75,9 +75,9 @@ impl<'a> Survey<'a> {
         theta: &[f64],
         keep: usize,
         progress: &dyn Progress,
-    ) -> Result<Vec<Found>, ConstrainedError> {
+    ) -> Result<Vec<LimitSurvey>, ConstrainedError> {
         let chunks = Grid { chunk_rows: 65_536 }.chunks(self.source.episodes());
-        let empty = || vec![Found::new(); self.limits.len()];
+        let empty = || vec![LimitSurvey::new(); self.limits.len()];
         let mut total = empty();
         reduce(
             self.source,
@@ -142,12 +142,12 @@ impl<'a> Tile<'a> {
     }
 
     /// Only the tile's worst row can become a constraint, since its neighbours say much the same.
-    fn worst(&self, theta: &[f64], episode: usize, offset: usize) -> Found {
+    fn worst(&self, theta: &[f64], episode: usize, offset: usize) -> LimitSurvey {
         let (rows, sign) = (self.rows, self.limit.side.sign());
         let entries: Vec<Vec<f64>> = self.forms.iter().map(|form| self.values(form, theta)).collect();
         let bounds = rows.output(self.bound);
         let order = self.limit.order();
-        let (mut survey, mut worst) = (Found::new(), None);
+        let (mut survey, mut worst) = (LimitSurvey::new(), None);
         let mut matrix = vec![0.0; entries.len()];
         for (i, &bound) in bounds.iter().enumerate() {
             for (entry, values) in matrix.iter_mut().zip(&entries) {

@@ -108,7 +108,7 @@ fn assert_same_path(quadratic: &Quadratic, expected: &Quadratic, tolerance: f64)
 }
 
 #[test]
-fn every_shape_gives_the_problem_of_its_rows() {
+fn shapes_give_the_problem_of_rows() {
     // Fewer rows than columns, few rows, many rows, many rows of many columns.
     let many = DIRECT / (20 * 20) + 1;
     let shapes = [(30, 50, 1e-11), (400, 9, 1e-11), (many, 18, 1e-11), (1100, ROOT_COLUMNS + 10, 1e-8)];
@@ -125,7 +125,7 @@ fn every_shape_gives_the_problem_of_its_rows() {
 }
 
 #[test]
-fn errors_are_those_of_the_rows() {
+fn errors_match_rows() {
     for (rows, regressors) in [(30, 50), (400, 9), (DIRECT / (12 * 12) + 1, 10)] {
         let (design, table) = (design(rows, regressors), Table { rows, regressors });
         let coefficients: Vec<f64> = (0..2 * regressors).map(|at| uniform(at + 5)).collect();

@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn the_root_is_that_of_a_bisection() {
+    fn root_matches_a_bisection() {
         let mut compared = 0;
         for seed in 0..200_u64 {
             let push = |k: u64| (((seed * 31 + k * 17) % 97) as f64 / 97.0).powi(3) * 10.0;

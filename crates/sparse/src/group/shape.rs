@@ -29,7 +29,7 @@ impl Shape for AtLambda<'_> {
             let gradients = block.gradients(gradient);
             let goals_of_block = block.at(self.lambda).goals(&block.coefficients(delta), &gradients);
             for (at, &j) in block.columns.iter().enumerate() {
-                // What stays is left as it is, to the last bit.
+                // Remaining columns are left as they are, to the last bit.
                 if goals_of_block[at] != gradients[at] {
                     goals[j] = block.units[at] * goals_of_block[at];
                 }
@@ -48,7 +48,7 @@ impl Shape for AtLambda<'_> {
 
     fn feasible(&self, gradient: &[f64]) -> f64 {
         self.blocks.iter().fold(1.0, |scale: f64, block| {
-            // Where nothing is penalised only a gradient of zero is feasible: any other is infinitely far.
+            // Without a penalty only a gradient of zero is feasible: any other is infinitely far.
             let critical = block.critical(gradient, |_| 0.0);
             if critical > self.lambda { scale.min(self.lambda / critical) } else { scale }
         })

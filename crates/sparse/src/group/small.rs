@@ -189,7 +189,7 @@ impl Small<'_> {
             let mut falls = false;
             for halving in 0..=HALVINGS {
                 support.iter().zip(&step).for_each(|(&i, step)| v[i] = start[i] + share * step);
-                // Where one leaves, what is left of the gradient is that of another support.
+                // If a coefficient leaves, the remaining gradient is that of another support.
                 let leaves = first.filter(|_| halving == 0);
                 if let Some((i, _)) = leaves {
                     v[i] = 0.0;

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gradient_at_the_minimiser_is_that_of_the_norm() {
+    fn gradient_at_minimiser_matches_norm() {
         let mut checked = 0;
         for (k, m) in [(1, 4), (3, 9), (5, 5), (6, 2)] {
             for seed in 0..8 {

@@ -11,7 +11,7 @@ use crate::{
 };
 use fleetfoot_sums::structured::{Banks, Structure};
 
-/// Whose rows may be correlated with each other.
+/// Choice of the rows that may be correlated with each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Clusters {
     /// Rows of one episode.

@@ -68,7 +68,7 @@ pub fn influence(
     let equations: f64 = structure.tasks.iter().filter(|shape| !shape.prior).count() as f64 * n;
     let variance = squares / (equations - support.len() as f64).max(1.0);
     let rest: Vec<Vec<Gram>> = banks.tasks().iter().map(|(_, bank)| bank.without(&members, count)).collect();
-    let scores = own_scores(banks, &fit, &members, count);
+    let scores = episode_moments(banks, &fit, &members, count);
     let mut episodes = parallel_map(count, progress, |episode| {
         let roots: Vec<SquareRoot> =
             banks.tasks().iter().zip(&rest).map(|((change, _), rest)| change.square_root(&rest[episode])).collect();
@@ -137,12 +137,12 @@ impl Fit<'_> {
 }
 
 /// The moments of every episode: by task, by episode.
-struct Own {
+struct EpisodeMoments {
     identity: Vec<EpisodeId>,
     grams: Vec<Vec<Gram>>,
 }
 
-fn own_scores(banks: &Banks, fit: &Fit<'_>, members: &[usize], count: usize) -> Own {
+fn episode_moments(banks: &Banks, fit: &Fit<'_>, members: &[usize], count: usize) -> EpisodeMoments {
     let mut identity = Vec::with_capacity(count);
     for (key, &group) in banks.keys().iter().zip(members) {
         if group == identity.len() {
@@ -156,10 +156,10 @@ fn own_scores(banks: &Banks, fit: &Fit<'_>, members: &[usize], count: usize) -> 
         members.iter().enumerate().for_each(|(member, &group)| sums[group].merge(&bank.member(member)));
         grams[task] = sums;
     }
-    Own { identity, grams }
+    EpisodeMoments { identity, grams }
 }
 
-impl Own {
+impl EpisodeMoments {
     /// Weighted squares of the errors on one episode, measured tasks.
     fn squares(&self, episode: usize, fit: &Fit<'_>, banks: &Banks, coefficients: &[f64]) -> f64 {
         let square = |task: usize| {

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_those_of_the_rows() {
+    fn errors_match_rows() {
         let (scan, rows) = scan();
         let problem = scan.root(0).compressed(true);
         let supports = vec![vec![0, 1], vec![1, 2]];

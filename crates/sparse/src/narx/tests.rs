@@ -47,7 +47,7 @@ fn scan(functions: &[Expr], source: &MemorySource) -> SystemScan {
 }
 
 #[test]
-fn every_order_has_the_candidates_of_a_library_of_its_own() {
+fn orders_have_candidates_of_separate_libraries() {
     for most in [order(3, 2, 3), direct(order(2, 2, 2)), order(2, 0, 4), direct(order(0, 3, 2))] {
         let all = library(most);
         for order in all.orders() {
@@ -70,7 +70,7 @@ fn every_order_has_the_candidates_of_a_library_of_its_own() {
 }
 
 #[test]
-fn one_library_holds_orders_that_are_not_within_each_other() {
+fn one_library_holds_unnested_orders() {
     let (y, u) = ([Expr::column("y")], [Expr::column("u")]);
     let orders = [order(5, 5, 1), order(2, 1, 2), direct(order(1, 1, 3)), order(3, 3, 1)];
     let all = NarxLibrary::of_orders(&y, &u, &orders).unwrap();
@@ -187,7 +187,7 @@ fn folds(scan: &SystemScan, count: usize) -> Vec<NarxFold> {
 }
 
 #[test]
-fn one_statistic_answers_like_a_scan_of_each_order_on_the_same_rows() {
+fn statistic_equals_scans_of_each_order() {
     let source = recording(5, 3, 200, 0.1);
     let all = library(order(3, 2, 2));
     let most = scan(all.functions(), &source);

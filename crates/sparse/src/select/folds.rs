@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn long_chunks_are_held_out_by_episodes_unless_a_number_is_asked_for() {
+    fn long_chunks_are_held_out_by_episodes() {
         let (keys, rows) = members(&[(5, 100); 6]);
         let auto = Folds::of(&keys, &rows, FoldRule::Auto, Purge::TENTH).unwrap();
         assert_eq!((auto.len(), auto.rule()), (5, "5 folds of 6 whole episodes"));

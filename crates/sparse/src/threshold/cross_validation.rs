@@ -88,7 +88,7 @@ const SAME: f64 = 1e-5;
 /// The least mean error, and the fewest terms within a standard error of it.
 fn choose(steps: &[Step], compared: &CrossValidation) -> (usize, usize) {
     let mean = &compared.mean;
-    // What differs by less is no evidence, in exact data rounding: the fewest terms then.
+    // Smaller differences are no evidence, in exact data rounding: the fewest terms then.
     let least = mean.iter().copied().fold(f64::INFINITY, f64::min);
     let equal = |k: &usize| mean[*k] <= least * (1.0 + SAME);
     let fewest = |k: &usize| (steps[*k].terms(), mean[*k]);

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn stlsq_of_all_targets_is_that_of_each_and_guesses_end_it_together() {
+    fn joint_stlsq_matches_single_targets() {
         let problem = problem();
         let stlsq = Stlsq { threshold: 0.1, ..Stlsq::default() };
         let joint = Stlsq::jointly(&problem, &[(stlsq.clone(), Terms::all()), (stlsq.clone(), Terms::all())]).unwrap();

@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn refits_are_those_of_every_support_by_itself() {
+    fn refits_match_separate_supports() {
         let problem = problem();
         // A walk that adds and drops columns, with supports that cannot be told apart (2, 4 and 10) on its way.
         let mut walk: Vec<Vec<usize>> = vec![Vec::new()];

@@ -107,7 +107,7 @@ impl Ssr {
                 active.iter().zip(&solved.values).map(|(&j, value)| (prepared.unit[j] * value).abs()).collect();
             return least(&sizes);
         }
-        // What a bound holds at 0 costs nothing: of several the last, the least simple one of a library.
+        // Coefficients that a bound holds at 0 cost nothing: of several the last, the least simple one of a library.
         let held_out = |place: &usize| prepared.held_out(active[*place], solved.values[*place]);
         if let Some(place) = (0..active.len()).rev().find(held_out) {
             return Some(place);
@@ -168,7 +168,7 @@ fn without_held(
         held.iter().filter(|&&place| Some(place) != out).for_each(|&place| constants[place] = values[place]);
         constants
     };
-    // What the columns that are free leave of the target is dropped with the others' rows, so it is added: the errors of all removals are compared.
+    // The residual of the free columns is dropped with the others' rows, so it is added: the errors of all removals are compared.
     let error = |constants: &[f64], diagonal: &[f64]| {
         let mut all = constants.to_vec();
         free.iter().zip(diagonal).for_each(|(&place, value)| all[place] = *value);

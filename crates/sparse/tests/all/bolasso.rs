@@ -133,7 +133,7 @@ fn gamma(p: usize) -> Tikhonov {
 }
 
 #[test]
-fn a_row_replicate_is_the_lasso_of_its_repeated_rows() {
+fn row_replicate_is_lasso_of_repeated_rows() {
     for (seed, weight, tikhonov, lambda) in [(1, false, false, 0.05), (2, true, false, 0.02), (3, true, true, 0.005)] {
         let source = source(seed, &[120, 61, 1, 230], true);
         let regression = regression(weight);
@@ -165,7 +165,7 @@ fn a_row_replicate_is_the_lasso_of_its_repeated_rows() {
 }
 
 #[test]
-fn a_block_replicate_is_the_lasso_of_its_reweighted_statistic() {
+fn block_replicate_is_lasso_of_reweighted_statistic() {
     for (unit, tikhonov, weight) in
         [(BootstrapUnit::Episode, true, true), (BootstrapUnit::Chunk, false, false), (BootstrapUnit::Chunk, true, true)]
     {
@@ -202,7 +202,7 @@ fn a_block_replicate_is_the_lasso_of_its_reweighted_statistic() {
 }
 
 #[test]
-fn the_bits_do_not_depend_on_threads_and_little_on_chunks() {
+fn bits_do_not_depend_on_threads() {
     let source = source(5, &[150, 90, 40, 210], false);
     let regression = regression(true);
     let options = BootstrapOptions { replicates: 20, seed: 3, ..BootstrapOptions::new(0.02) };
@@ -234,7 +234,7 @@ fn the_bits_do_not_depend_on_threads_and_little_on_chunks() {
 }
 
 #[test]
-fn units_do_not_change_what_is_selected() {
+fn units_do_not_change_selection() {
     let source = source(6, &[200, 140], false);
     let mut scaled = regression(false);
     let options = BootstrapOptions { replicates: 12, seed: 2, ..BootstrapOptions::new(0.01) };
@@ -414,7 +414,7 @@ fn recovery(n: usize, trials: u64, correlated: bool) -> [f64; 2] {
 
 /// Theorem 7.1.
 #[test]
-fn the_bolasso_is_consistent_where_the_lasso_is_not() {
+fn bolasso_is_consistent_unlike_lasso() {
     for correlated in [false, true] {
         let shares: Vec<[f64; 2]> = [20, 80, 640].iter().map(|&n| recovery(n, 40, correlated)).collect();
         println!("correlated {correlated}: {shares:?}");
@@ -426,7 +426,7 @@ fn the_bolasso_is_consistent_where_the_lasso_is_not() {
 }
 
 #[test]
-fn stability_selection_finds_the_truth_within_its_bound() {
+fn stability_selection_keeps_its_error_bound() {
     let (mut false_columns, mut bounds, runs) = (0.0, 0.0, 12);
     for seed in 0..runs {
         let (source, regression) = linear(seed, 600, false);

@@ -107,7 +107,7 @@ proptest! {
 
 /// Of 24 columns with nearly equal ones among them: the conditions of the minimum, and what the interior-point solver finds.
 #[test]
-fn many_columns_meet_the_conditions_and_agree_with_the_interior_point() {
+fn many_columns_agree_with_interior_point() {
     let p = 24;
     for seed in 0..8 {
         let rows = {
@@ -186,7 +186,7 @@ fn keeping() -> Vec<Optimizer> {
 }
 
 #[test]
-fn every_model_of_a_sweep_is_the_best_that_keeps_its_bounds() {
+fn swept_models_are_best_within_bounds() {
     let p = 8;
     let rows = rows(3, 300, p, 0.3);
     let (problem, bounds) = (compressed(&rows, 1, false), against(p));
@@ -218,7 +218,7 @@ fn every_model_of_a_sweep_is_the_best_that_keeps_its_bounds() {
 
 /// The held-out error of a model is that of the bounded fit of its terms to the training rows.
 #[test]
-fn held_out_errors_are_those_of_bounded_fits() {
+fn held_out_errors_match_bounded_fits() {
     let p = 6;
     let rows = rows(11, 120, p, 1.0);
     let (problem, bounds) = (compressed(&rows, 1, false), against(p));

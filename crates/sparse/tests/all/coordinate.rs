@@ -96,7 +96,7 @@ fn a_library_much_wider_than_the_data_is_solved() {
 
 /// A target of noise alone, and lambdas far apart: between two of them hundreds of columns come, and dozens of signs turn.
 #[test]
-fn many_columns_that_come_and_go_are_solved() {
+fn columns_that_enter_and_leave_are_solved() {
     for (n, p) in [(700, 400), (350, 500)] {
         let mut rows = random(2001, n, p);
         rows.y = random(2002, n, 1).y;
@@ -190,7 +190,7 @@ fn a_start_costs_or_saves_sweeps_and_leaves_the_solution() {
 }
 
 #[test]
-fn a_tiny_penalty_on_dependent_columns_is_still_one() {
+fn tiny_penalty_on_dependent_columns_counts() {
     // x0 = x1 = -x2 = -x3 and y = x0: at the minimum the coefficients along x0 sum to (nearly) 1 and none pulls against another.
     let rows = Mat::from_fn(2, 4, |i, j| if (i == 0) == (j < 2) { -1.0 } else { 1.0 });
     let problem = Quadratic::from_rows(rows.as_ref(), &[-1.0, 1.0], None, false).expect("a problem");
@@ -216,7 +216,7 @@ fn a_tiny_penalty_on_dependent_columns_is_still_one() {
 }
 
 #[test]
-fn the_grid_starts_where_the_first_column_enters() {
+fn grid_starts_at_the_first_column() {
     let rows = random(3, 40, 6);
     for (what, penalty) in penalties(6) {
         for form in FORMS {
@@ -230,7 +230,7 @@ fn the_grid_starts_where_the_first_column_enters() {
 }
 
 #[test]
-fn a_path_that_ends_at_zero_ends_where_that_of_lars_does() {
+fn path_to_zero_ends_like_lars() {
     // More columns than rows: without a penalty there are many solutions, and one that the path goes to.
     for (seed, n, p) in [(2010, 40, 60), (2011, 70, 100)] {
         let problem = random(seed, n, p).problem(Form::Root);

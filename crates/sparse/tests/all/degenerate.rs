@@ -126,7 +126,7 @@ fn every_knot_of_every_problem_is_certified() {
 }
 
 #[test]
-fn answers_are_those_of_scikit_learn() {
+fn answers_match_scikit_learn() {
     let (mut unique, mut others) = (0, 0);
     let mut worst = [0.0_f64; 3];
     for case in cases() {

@@ -158,7 +158,7 @@ fn degenerate_problems_are_certified() {
 }
 
 #[test]
-fn the_largest_lambda_is_where_the_first_group_enters() {
+fn largest_lambda_admits_the_first_group() {
     for rows in ordinary().iter().step_by(4) {
         for l1_ratio in RATIOS {
             let (problem, penalty, lasso) =
@@ -171,7 +171,7 @@ fn the_largest_lambda_is_where_the_first_group_enters() {
 }
 
 #[test]
-fn groups_of_one_and_a_penalty_of_absolute_values_are_the_lasso() {
+fn groups_of_one_are_the_lasso() {
     let mut compared = 0;
     for rows in ordinary().iter().step_by(3) {
         for (what, penalty) in penalties(rows.p()) {
@@ -200,7 +200,7 @@ fn groups_of_one_and_a_penalty_of_absolute_values_are_the_lasso() {
 }
 
 #[test]
-fn one_group_is_a_ridge_whose_strength_is_its_length() {
+fn one_group_is_a_ridge() {
     for rows in ordinary().iter().step_by(5).chain(&[random(20, 12, 30)]) {
         let (p, penalty) = (rows.p(), Penalty::standardised());
         let problem = rows.problem(Form::Root);
@@ -334,7 +334,7 @@ fn the_cone_program_has_the_same_minimiser() {
 }
 
 #[test]
-fn a_certificate_bounds_how_far_any_coefficients_are_from_the_minimum() {
+fn certificate_bounds_distance_to_minimum() {
     for seed in 0..12 {
         let rows = random(seed, 40, 9);
         for l1_ratio in [0.0, 0.5] {
@@ -505,7 +505,7 @@ fn a_path_of_groups_is_chosen_from_like_any_other() {
 
 /// With fewer rows than columns the first supports hold columns that depend on each other: along some directions only the penalty changes.
 #[test]
-fn supports_beyond_the_rank_end_where_coefficients_become_zero() {
+fn supports_beyond_rank_end_at_zeros() {
     let mut solutions = 0;
     for seed in (0..150).chain([8747]) {
         for rows in [random(seed, 4, 6), integers(seed, 5, 9)] {

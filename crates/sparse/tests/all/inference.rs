@@ -246,7 +246,7 @@ fn intervals_cover_the_truth_when_errors_are_shared_within_episodes() {
 }
 
 #[test]
-fn influence_is_that_of_explicit_refits() {
+fn influence_matches_explicit_refits() {
     let episodes = episodes();
     let source = source(&episodes);
     let (banks, structure) = banks(&source);
@@ -288,7 +288,7 @@ fn influence_is_that_of_explicit_refits() {
 }
 
 #[test]
-fn an_episode_that_alone_shows_a_coefficient_is_named() {
+fn only_informative_episode_is_named() {
     let mut rng = Pcg64::seed_from_u64(3);
     let mut episodes: Vec<Vec<[f64; 8]>> = episodes();
     for (k, rows) in episodes.iter_mut().enumerate() {
@@ -374,7 +374,7 @@ fn constructed_confounding_is_found_with_its_direction() {
     assert!(least_squares_on(&assembled, &[0, 1, 2]).is_err());
     assert!(least_squares_on(&assembled, &[9]).is_err());
     assert!(confounded(&assembled, &all, 0.0).is_err());
-    // What is apart by 1e-4 is confounded at a limit of 1e-3 only, and inflated by its square otherwise.
+    // A difference of 1e-4 is confounded at a limit of 1e-3 only, and inflated by its square otherwise.
     let near = problem(&["x0", "x1", "x0 + 1e-4*x2"]);
     assert_eq!(confounded(&near, &[0, 1, 2], 1e-3).expect("found").groups, [vec![0, 2]]);
     let apart = confounded(&near, &[0, 1, 2], 1e-6).expect("found");
@@ -385,7 +385,7 @@ fn constructed_confounding_is_found_with_its_direction() {
 }
 
 #[test]
-fn thrust_and_impulse_are_known_up_to_a_common_factor_without_a_belief() {
+fn prior_resolves_common_scale_of_latents() {
     let airplane = Airplane::new(&AircraftClimb::default()).expect("an airplane");
     let mut source = MemorySource::new(Flight::columns());
     (0..3).for_each(|number| airplane.flight(number).append_to(&mut source));

@@ -85,7 +85,7 @@ fn plain_lars_is_equiangular() {
 }
 
 #[test]
-fn a_path_that_is_stopped_is_the_beginning_of_the_whole_one() {
+fn stopped_path_is_prefix_of_full_path() {
     let rows = crate::common::leaves_and_returns();
     let problem = rows.problem(Form::Root);
     let penalty = Penalty::standardised();
@@ -188,7 +188,7 @@ fn ill_conditioned_columns_end_at_least_squares() {
 /// If the Gram matrix has lost all digits, its path ends before the first wrong knot; the square-root form goes all the
 /// way.
 #[test]
-fn paths_of_ill_conditioned_features_end_before_they_are_wrong() {
+fn ill_conditioned_paths_end_early() {
     let mut ended = 0;
     for seed in 0..4 {
         for spread in [1.0, 0.3, 0.1] {

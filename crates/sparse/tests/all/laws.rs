@@ -97,7 +97,7 @@ proptest! {
     }
 
     #[test]
-    fn a_penalty_factor_is_a_lambda_of_its_own((seed, n, p) in shape(), factor in 0.1_f64..10.0, share in 0.02_f64..0.9) {
+    fn penalty_factors_scale_lambda((seed, n, p) in shape(), factor in 0.1_f64..10.0, share in 0.02_f64..0.9) {
         let rows = random(seed, n + p, p);
         let x = problem(&rows.x, &rows.y, Form::Root);
         let plain = Penalty::standardised();

@@ -71,7 +71,7 @@ fn least(source: &MemorySource, regression: &Regression, latent: usize, theta: &
 }
 
 #[test]
-fn drag_that_least_squares_makes_negative_is_nowhere_negative_with_the_limit() {
+fn limit_makes_drag_nonnegative() {
     let source = flights(6);
     let regression = aircraft();
     let plan = Plan::new(regression.clone(), Vec::new(), 4096, &source).expect("a plan");
@@ -223,7 +223,7 @@ proptest! {
 }
 
 #[test]
-fn an_inertia_that_least_squares_leaves_indefinite_is_positive_definite_at_every_row() {
+fn limit_makes_inertia_positive_definite() {
     // An arm of two links, of which the second hardly moves: its own inertia is told by noise.
     let mut noise = normal(7);
     let names = ["q", "a1", "a2", "t1", "t2"];

@@ -17,7 +17,7 @@ fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
 }
 
 #[test]
-fn every_statistic_of_the_same_weighted_rows_gives_the_same_path() {
+fn equal_statistics_give_equal_paths() {
     let rows = random(1, 50, 6);
     let weights: Vec<f64> = (0..50).map(|i| [1.0, 0.0, 2.5, 0.3][i % 4]).collect();
     let z = Mat::from_fn(50, 7, |i, j| if j < 6 { rows.x[(i, j)] } else { rows.y[i] });
@@ -50,7 +50,7 @@ fn every_statistic_of_the_same_weighted_rows_gives_the_same_path() {
 }
 
 #[test]
-fn mean_squared_error_and_r2_are_those_of_the_rows() {
+fn mean_squared_error_and_r2_match_rows() {
     for rows in [random(3, 40, 5), random(4, 9, 12)] {
         for form in crate::common::FORMS {
             let path = lars(&rows.problem(form), &Penalty::default(), &LarsOptions::default()).expect("a path");
@@ -272,7 +272,7 @@ fn bad_input_is_refused_with_its_reason() {
 }
 
 #[test]
-fn pure_ridge_is_that_of_the_small_solves() {
+fn pure_ridge_matches_small_solves() {
     let rows = random(18, 40, 5);
     let mut factor = Factor::new(5, 1);
     factor.push(Mat::from_fn(40, 6, |i, j| if j < 5 { rows.x[(i, j)] } else { rows.y[i] }).as_ref(), None);

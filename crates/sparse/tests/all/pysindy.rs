@@ -167,21 +167,21 @@ fn agree(kinds: &[&str]) -> usize {
 }
 
 #[test]
-fn stlsq_is_that_of_pysindy() {
+fn stlsq_matches_pysindy() {
     assert_eq!(agree(&["stlsq", "guess", "fixed"]), 360);
 }
 
 #[test]
-fn sr3_is_that_of_pysindy() {
+fn sr3_matches_pysindy() {
     assert_eq!(agree(&["sr3"]), 168);
 }
 
 #[test]
-fn ssr_is_that_of_pysindy() {
+fn ssr_matches_pysindy() {
     assert_eq!(agree(&["ssr"]), 274);
 }
 
 #[test]
-fn frols_is_that_of_pysindy() {
+fn frols_matches_pysindy() {
     assert_eq!(agree(&["frols"]), 46);
 }

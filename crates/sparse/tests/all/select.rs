@@ -98,7 +98,7 @@ fn relative(a: f64, b: f64) -> f64 {
 }
 
 #[test]
-fn cross_validation_is_that_of_scikit_learn() {
+fn cross_validation_matches_scikit_learn() {
     let mut compared = 0;
     for case in cases() {
         let (source, regression) = recording(&case.x, &case.y);
@@ -157,7 +157,7 @@ fn cross_validation_is_that_of_scikit_learn() {
 }
 
 #[test]
-fn criteria_are_those_of_scikit_learn() {
+fn criteria_match_scikit_learn() {
     for case in cases() {
         let problem = Quadratic::from_rows(case.x.as_ref(), &case.y, None, true).expect("rows");
         let path = lars(&problem, &Penalty::default(), &LarsOptions::default()).expect("a path");
@@ -269,7 +269,7 @@ impl Study {
 }
 
 #[test]
-fn held_out_errors_are_those_of_the_rows() {
+fn held_out_errors_match_rows() {
     let study = study();
     let structure = study.regression.structure();
     let banks = banks(&study.regression, 16, &study.source);
@@ -329,7 +329,7 @@ fn held_out_errors_are_those_of_the_rows() {
 
 /// Nothing predicts turbulence: the best model errs on flights that it has not seen by hardly more than the true one.
 #[test]
-fn an_aircraft_is_known_from_its_other_flights() {
+fn other_flights_identify_an_aircraft() {
     let climbs = aircraft::climbs(30, true);
     let banks = climbs.banks(4096);
     let folds = Folds::by(banks.keys(), |key| Some(key.episode)).expect("folds");

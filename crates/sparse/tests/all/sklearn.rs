@@ -94,7 +94,7 @@ fn agree(
 }
 
 #[test]
-fn knots_are_those_of_lars_path_gram() {
+fn knots_match_lars_path_gram() {
     let mut compared = 0;
     for case in read() {
         for answer in case.answers.iter().filter(|answer| answer.kind.starts_with("lars_path_gram")) {
@@ -132,7 +132,7 @@ fn products(case: &Case) -> Quadratic {
 }
 
 #[test]
-fn solutions_are_those_of_the_estimators() {
+fn solutions_match_estimators() {
     let mut compared = 0;
     for case in read() {
         for answer in case.answers.iter().filter(|answer| !answer.kind.starts_with("lars_path_gram")) {

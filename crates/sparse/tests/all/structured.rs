@@ -51,7 +51,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
     #[test]
-    fn the_assembled_problem_is_that_of_the_stacked_rows(seed in any::<u64>(), with_prior in any::<bool>(), raw in any::<bool>()) {
+    fn assembled_problem_matches_stacked_rows(seed in any::<u64>(), with_prior in any::<bool>(), raw in any::<bool>()) {
         let mut tasks = tasks::random(seed);
         tasks.assembly.raw = raw;
         if with_prior {
@@ -79,7 +79,7 @@ proptest! {
         }
         // The path everywhere.
         let (a, b) = (path(&assembled_problem.problem, &assembled_problem.penalty), path(&explicit, &assembled_problem.penalty));
-        // Whether rows are interpolated is a matter of the last digits: both ends are at lambda = 0.
+        // Interpolation of rows changes the last digits only: both ends are at lambda = 0.
         let end = |status| if status == PathStatus::Saturated { PathStatus::Complete } else { status };
         prop_assert_eq!(end(a.status), end(b.status));
         let first = b.knots[0].l1;
@@ -159,7 +159,7 @@ proptest! {
 
     /// Proposition 7.1 without l1 penalty: `theta = (B'B + lambda_t Q)^-1 (B'Y + lambda_t Q prior)`, Q = Gamma'Gamma.
     #[test]
-    fn the_ridge_limit_of_proposition_7_1_has_its_closed_form(seed in any::<u64>()) {
+    fn ridge_limit_matches_closed_form(seed in any::<u64>()) {
         let mut tasks = tasks::random(seed);
         let tikhonov = random_tikhonov(&tasks, seed);
         let (b, y) = tasks.stacked();

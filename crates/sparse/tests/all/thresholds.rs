@@ -57,7 +57,7 @@ fn every_optimizer() -> Vec<Optimizer> {
 }
 
 #[test]
-fn every_model_is_certified_and_its_error_is_that_of_the_rows() {
+fn models_are_certified_and_errors_match_rows() {
     let data = rows(3, 200, 8, 2, 0.3);
     let problem = compressed(&data, 2, true);
     for optimizer in every_optimizer() {
@@ -97,7 +97,7 @@ fn the_first_of_equal_terms_is_taken() {
 }
 
 #[test]
-fn reduction_ratios_are_the_errors_that_fall_and_the_rest_can_end_the_model() {
+fn reduction_ratios_equal_error_decreases() {
     let data = rows(5, 300, 9, 1, 0.2);
     let problem = compressed(&data, 1, true);
     let total: f64 = (0..300).map(|i| data[(i, 9)].powi(2)).sum();
@@ -248,7 +248,7 @@ fn sweeps_find_the_truth_by_folds_and_by_criteria() {
 }
 
 #[test]
-fn held_out_errors_are_those_of_the_rows() {
+fn held_out_errors_match_rows() {
     let data = rows(19, 90, 6, 1, 1.0);
     let problem = compressed(&data, 1, true);
     let folds = folds(&data, 1, 3);
@@ -366,7 +366,7 @@ proptest! {
             prop_assert!((there.certificate.kept - step.certificate.kept).abs() <= 1e-9 * step.certificate.kept || there.certificate.kept == step.certificate.kept);
             prop_assert!((there.certificate.dropped - step.certificate.dropped).abs() <= 1e-9);
         }
-        // What is taken over from the threshold before is what the threshold alone gives.
+        // Results taken over from the threshold before equal those of the threshold alone.
         let several = list((0..12).map(|k| threshold * 0.8_f64.powi(k)).collect());
         for step in &several {
             let alone = &list(vec![step.parameter])[0];

@@ -82,7 +82,7 @@ fn contracting_maps_stay_and_bad_starts_are_refused() {
 }
 
 #[test]
-fn lyapunov_solves_its_equation_and_refuses_unstable_maps() {
+fn lyapunov_solution_satisfies_its_equation() {
     let M = Mat::from_fn(3, 3, |i, j| [[0.99, 0.3, 0.0], [-0.1, 0.9, 0.2], [0.0, 0.0, -0.7]][i][j]);
     let W = Mat::<f64>::identity(3, 3);
     let P = lyapunov(M.as_ref(), W.as_ref()).unwrap();
@@ -97,7 +97,7 @@ fn lyapunov_solves_its_equation_and_refuses_unstable_maps() {
 
 /// A metric whose coordinates nearly agree: near the border Newton's matrix is no more definite than rounding leaves it.
 #[test]
-fn coordinates_that_nearly_agree_leave_an_answer_within_the_bound() {
+fn nearly_equal_coordinates_keep_the_bound() {
     let of = |values: [[f64; 3]; 3]| Mat::from_fn(3, 3, |i, j| values[i][j]);
     let contraction = Contraction {
         offset: Mat::zeros(3, 3),
@@ -132,7 +132,7 @@ proptest! {
 
     /// The certificate holds the distance from below: no random feasible point is nearer by more than the gap.
     #[test]
-    fn nothing_within_the_bound_is_nearer_than_the_gap_allows(seed in 0_u64..10_000, n in 2_usize..6, q in 1_usize..4, s in 1_usize..5) {
+    fn projection_is_nearest_within_gap(seed in 0_u64..10_000, n in 2_usize..6, q in 1_usize..4, s in 1_usize..5) {
         let (q, s) = (q.min(n), s.min(n));
         let mut next = random(seed);
         let contraction = Contraction {

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn folding_by_blocks_is_folding_one_by_one() {
+    fn block_folding_equals_row_folding() {
         // Blocks that are whole and not, a column of zeros, right-hand sides behind the triangle, pieces that are whole and not.
         for (m, k, d) in [(5, 1, 1), (40, 33, 34), (70, 64, 67), (90, 150, 300)] {
             let entry = |i: usize, j: usize| if j == 20 { 0.0 } else { value(i, j) };
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn staircases_by_blocks_are_those_one_by_one() {
+    fn block_staircases_equal_row_staircases() {
         for (k, q, step) in [(1, 0, 1), (33, 1, 2), (64, 3, 1), (150, 200, 3)] {
             // Column j ends at a row that is not before j; some have nothing to reflect.
             let last: Vec<usize> = (0..k).map(|j| if j < 5 { j } else { j + j / 4 * step }).collect();

@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_that_is_read_sums_to_the_same_bits() {
+    fn read_plan_sums_to_equal_bits() {
         let columns = columns();
         let [x, y, z] = [0, 1, 2].map(|k| columns[k].as_slice());
         let plan = PolynomialPlan::from_pilot(&[x, y], &[z], 3).unwrap();

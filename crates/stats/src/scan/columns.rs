@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn groups_lie_side_by_side_and_rows_are_complete_in_all_or_in_none() {
+    fn groups_share_complete_rows() {
         let mut source = MemorySource::new(vec![Column::float("x"), Column::float("w")]);
         source.push_uniform("e", 1.0, vec![vec![1.0, 2.0, f64::NAN, 4.0, 5.0], vec![1.0, 1.0, 1.0, 0.0, 2.0]]);
         let parse = |text: &str| Expr::parse(text, &Scope::new(["x", "w"])).unwrap();

@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_by_region_are_those_of_the_rows_of_each() {
+    fn ranges_match_rows_of_each_region() {
         let column: Vec<f64> = (0..100).map(|i| f64::from((i * 37) % 101) - 50.0).collect();
         let regions: Vec<u32> = (0..100).map(|i| [0, 1, u32::MAX][i % 3]).collect();
         let mut ranges = RegionRanges::new(2, 1);

@@ -28,7 +28,7 @@ fn finite(solution: &Solution) -> bool {
 }
 
 #[test]
-fn a_sum_of_columns_is_named_and_solved_with_minimum_norm() {
+fn sums_of_columns_are_named() {
     let scales = [1.0, 1e-12, 1e12, 3.0];
     for &s in &scales {
         // x2 = x0 + x1, x3 free, x4 constant, x5 = 2 x3; offsets make the sums round.
@@ -89,7 +89,7 @@ fn dependence_missing_in_the_pilot_is_detected() {
 
 /// A region, as seen through the preconditioner of all rows: a column that varies elsewhere is constant here, another is a sum here.
 #[test]
-fn a_region_may_be_degenerate_where_the_pilot_is_not() {
+fn degenerate_region_with_regular_pilot() {
     let z = Mat::from_fn(2000, 5, |i, j| match j {
         1 if i < 300 => 0.0,
         2 if i < 300 => wave(i, 0) - wave(i, 3),
@@ -264,7 +264,7 @@ fn polynomial_features_with_a_known_answer() {
 }
 
 #[test]
-fn error_sums_merge_and_count_what_is_lost() {
+fn error_sums_merge_and_count_losses() {
     let y: Vec<f64> = (0..100).map(|i| wave(i, 0)).collect();
     let mut prediction: Vec<f64> = (0..100).map(|i| wave(i, 0) + 0.1 * wave(i, 1)).collect();
     prediction[17] = f64::INFINITY;

@@ -123,7 +123,7 @@ proptest! {
     }
 
     #[test]
-    fn a_region_has_the_bits_of_its_rows(seed: u64, n in 1usize..2500, d in 1usize..45, count in 1usize..9, weighted: bool) {
+    fn region_bits_match_its_rows(seed: u64, n in 1usize..2500, d in 1usize..45, count in 1usize..9, weighted: bool) {
         let z = rows(seed, n, d, 1);
         let mut random = Random(seed ^ 2);
         let mut regions: Vec<u32> = (0..n).map(|_| ((random.next() + 1.0) * 0.7 * count as f64) as u32).collect();

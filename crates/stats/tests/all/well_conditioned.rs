@@ -82,7 +82,7 @@ fn an_exact_fit_keeps_a_residual_of_rounding() {
 }
 
 #[test]
-fn views_that_are_not_column_major_are_changed_alike() {
+fn row_major_views_give_equal_results() {
     let rows = rows(300, 0.2, 0.3);
     let preconditioner = Preconditioner::from_pilot(rows.as_ref(), P);
     let mut columns = rows.clone();

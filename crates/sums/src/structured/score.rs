@@ -57,7 +57,7 @@ mod tests {
     use crate::structured::TaskShape;
 
     #[test]
-    fn errors_are_those_of_the_rows() {
+    fn errors_match_rows() {
         let rows = [[1.0, 2.0, 3.0], [0.5, -1.0, 2.0], [2.0, 0.0, -1.0], [1.5, 1.0, 0.5]];
         let x = Mat::from_fn(4, 3, |i, j| rows[i][j]);
         let root = Preconditioner::identity(2, 1).square_root(&Gram::of_rows(x.as_ref(), None));

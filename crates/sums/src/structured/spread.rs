@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_are_those_of_the_functions() {
+    fn moments_match_functions() {
         let value = |i: usize, j: usize| ((i * i + 1) as f64 * 0.37 * (j + 1) as f64).sin();
         // Columns -2 f_0, -2 f_1, another, the target.
         let x = Mat::from_fn(9, 4, |i, j| if j < 2 { -2.0 * value(i, j) } else { value(i, j) });

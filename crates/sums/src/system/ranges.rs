@@ -147,7 +147,7 @@ impl AddBlocks<'_> {
         if spans.iter().all(|&span| span == 0.0) {
             return None;
         }
-        // What a wanted monomial is a multiple of is wanted.
+        // Divisors of a wanted monomial are wanted.
         for (i, recipe) in self.recipes.iter().enumerate().rev() {
             if let Some(parent) = recipe.parent {
                 let (before, of_function) = wanted.split_at_mut(i * SPANS);

@@ -108,7 +108,7 @@ fn mixed() -> Vec<Expr> {
 }
 
 #[test]
-fn roots_are_those_of_the_rows_and_borders_are_counted() {
+fn roots_match_rows_and_count_borders() {
     let source = lorenz(3, 700, 0.01, 0.0, 0.01);
     let system = System { also: states(), ..System::new(mixed(), derivatives()) };
     let plan = SystemPlan::new(system, Some(100), &source).unwrap();
@@ -175,7 +175,7 @@ fn weights_count_rows() {
 }
 
 #[test]
-fn regions_add_up_and_rows_without_one_are_counted() {
+fn regions_add_up() {
     let source = lorenz(2, 900, 0.01, 0.0, 0.01);
     let whole =
         scan(&SystemPlan::of_products(System::new(mixed(), derivatives()), Some(200), &source).unwrap(), &source);
@@ -290,7 +290,7 @@ fn threads_and_order_of_episodes_do_not_change_bits() {
 }
 
 #[test]
-fn residuals_and_the_region_of_a_model_are_those_of_the_rows() {
+fn residuals_and_regions_match_rows() {
     let source = lorenz(1, 1_500, 0.01, 3.0, 0.05);
     for functions in [mixed(), monomials(2)] {
         let p = functions.len();

@@ -46,7 +46,7 @@ pub struct Weak {
 /// A target over a window: the rate of one expression, plus the mean of another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeakTarget {
-    /// Whose derivative moves onto the test function.
+    /// Signal whose derivative moves onto the test function.
     pub rate: Option<Rate>,
     /// Expression that is averaged like the candidates: minus the known part of the right side, or all of a target that
     /// is no derivative.

@@ -57,7 +57,7 @@ fn regulator_beats_the_built_in_treadmill_controller() {
     let logs = files(made(&Job { runs: 3, seconds: 30.0, speed: Some((0.27, 0.33)), ..train }));
     // Over a stride, how the place moves is affine in the commands, and the same wherever it is.
     let recipe = "[states]\nx = { derivative = { over = 200 }, regressor = false }\ny = { derivative = { over = 200 }, regressor = false }\nyaw = { derivative = { over = 200 } }\n[inputs]\nu_v = \"u_v\"\nu_w = \"u_w\"\nbelt_speed = \"belt_speed\"\n[time]\ncolumn = \"t\"\n[model]\npartition = \"average\"\n";
-    let asked = ControlSection {
+    let section = ControlSection {
         setpoint: setting("x=0,y=0,belt_speed=0.3"),
         q: setting("x=100,y=400,yaw=80"),
         r: setting("u_v=100,u_w=1"),
@@ -67,7 +67,7 @@ fn regulator_beats_the_built_in_treadmill_controller() {
         period: Some(0.01),
         ..ControlSection::default()
     };
-    let made = regulator(recipe, &logs, &asked);
+    let made = regulator(recipe, &logs, &section);
     let mut regulated = world.clone();
     regulated.regulate(&made.law).unwrap();
     // Seeds that did not train; the same for both, so that robot, belt and noise are the same.
@@ -90,28 +90,28 @@ fn a_regulator_keeps_the_wheeled_robot_on_a_line() {
     let train = Job::new(world.clone(), folder.path().join("train"));
     let logs = files(made(&Job { runs: 3, seconds: 20.0, ..train }));
     let recipe = "[states]\ny = { known = \"v*sin(yaw)\", regressor = false }\nyaw = { known = \"w\", kind = \"angle\", regressor = false }\nv = { derivative = { over = 10 } }\nw = { derivative = { over = 10 } }\n[inputs]\nv_command = \"v_command\"\nw_command = \"w_command\"\n[time]\ncolumn = \"t\"\n[model]\npartition = \"average\"\n";
-    let asked = ControlSection {
+    let section = ControlSection {
         setpoint: setting("y=0,yaw=0,v=0.3"),
         integral: setting("v=1"),
         limits: setting("v_command=0:1,w_command=-3:3"),
         period: Some(0.05),
         ..ControlSection::default()
     };
-    let made = regulator(recipe, &logs, &asked);
+    let made = regulator(recipe, &logs, &section);
     world.set("arena.walls", "false").unwrap();
     world.regulate(&made.law).unwrap();
     let file = complete(&world, &folder.path().join("line"), 30.0, 7);
     let [y, yaw, v] = &read(&file, &["y", "yaw", "v"])[..] else { panic!() };
     let late = |values: &[f64]| values[values.len() / 2..].to_vec();
     println!("y {} yaw {} v {}", rms(&late(y)), rms(&late(yaw)), late(v).iter().sum::<f64>() / late(v).len() as f64);
-    // What turns it all the time and the model does not know stays as an offset, as y is not integrated.
+    // A constant torque that the model does not know stays as an offset, as y is not integrated.
     assert!(rms(&late(y)) < 0.05 && rms(&late(yaw)) < 0.02, "{} {}", rms(&late(y)), rms(&late(yaw)));
     let mean = late(v).iter().sum::<f64>() / late(v).len() as f64;
     assert!((mean - 0.3).abs() < 0.01, "{mean}");
 }
 
 #[test]
-fn states_and_inputs_that_a_robot_lacks_are_refused() {
+fn unknown_states_and_inputs_are_refused() {
     let mut world = World::of("hexapod").unwrap();
     let mut law = fleetfoot_control::controller::Regulator {
         period: 0.01,

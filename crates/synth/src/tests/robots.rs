@@ -33,7 +33,7 @@ fn rows(scenario: &dyn Scenario, seconds: f64) -> MemorySource {
 }
 
 #[test]
-fn known_derivatives_are_those_of_the_rows() {
+fn known_derivatives_match_rows() {
     for robot in ROBOTS {
         let (world, seconds) = short(robot.name());
         let source = rows(world.scenario().unwrap().as_ref(), seconds);
@@ -54,7 +54,7 @@ fn known_derivatives_are_those_of_the_rows() {
             let (measured, known) = (block.core(0), block.core(1));
             let size = measured.iter().map(|value| value.abs()).sum::<f64>();
             let error = measured.iter().zip(known).map(|(a, b)| (a - b).abs()).sum::<f64>();
-            // What changes within a row (contacts, turbulence) is lost to the difference; a wrong sign or term would be of the size itself.
+            // Changes within a row (contacts, turbulence) are lost to the difference; a wrong sign or term would be of the size itself.
             assert!(error < 0.2 * size, "{} {name}: {}", robot.name(), error / size);
         }
     }
@@ -123,7 +123,7 @@ fn worlds_excite_and_set_speeds() {
 }
 
 #[test]
-fn a_climb_ends_early_and_without_a_fault_at_its_top() {
+fn climb_ends_at_its_top() {
     let folder = tempfile::tempdir().unwrap();
     let made = generate(&Job::new(World::of("aircraft").unwrap(), folder.path()), &Silent).unwrap();
     let run = &made.runs[0];

@@ -44,7 +44,7 @@ fn the_equations_of_the_paper() {
     assert_eq!(shapes[1], shape(&[(0, "sin(alpha)"), (2, "1")]));
     assert_eq!(shapes[2], shape(&[(0, "1"), (3, "m_dot")]));
     assert_eq!(shapes[3], shape(&[(3, "1")]));
-    // What is no latent's moves to the target: m V_dot + m g sin(gamma).
+    // Terms without a latent move to the target: m V_dot + m g sin(gamma).
     let values = |name: &str, _: i32| match name {
         "m" => 6e4,
         "V_dot" => 0.3,
@@ -101,7 +101,7 @@ fn plain_recipes_have_a_latent_for_every_equation() {
 }
 
 #[test]
-fn latents_without_a_constant_coefficient_bring_their_own_moments() {
+fn latents_without_constant_have_separate_moments() {
     let task = resolve(
         "[latents]\nf = { functions = [\"h\", \"sin(h)\"], constant = true }\n[tasks]\nlift = { target = \"V\", right = \"f*M\" }\n",
     )

@@ -76,7 +76,7 @@ fn spans(lists: &[(String, &[Estimate])]) -> Vec<Reign> {
 const PAPER: &str =
     "(the paper, on the real robot: K-50 up to 40 ms, K-10 from 40 to 60 ms, average from 60 to 200 ms, null beyond)";
 
-/// Who is the best when.
+/// Best model at each horizon.
 fn frontier(what: &str, lists: &[(String, &[Estimate])], horizon: &Horizon) -> String {
     let spans_text: Vec<String> = spans(lists)
         .iter()

@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{
-    Error, FitReport, FitRequest, Model, Projected, Pwa, Recipe, ReportOptions,
+    Error, FitReport, FitRequest, Model, Objective, Projected, Pwa, Recipe, Report, ReportOptions,
     demo::{DemoLogs, differential_drive, gaits, generate_logs},
-    dynamics::{PlaneCell, RolloutOptions, Starts},
+    dynamics::{RolloutOptions, Starts},
     fit,
     generate::RunReport,
     log::{Cache, shell_word},
@@ -37,6 +37,12 @@ const PARTITIONS: &str = "null,average,zscore:1.5,zscore:4,kmeans:10,kmeans:50";
 const MODEL: &str = "model.json";
 /// The finest of them.
 const FINEST: &str = "kmeans:50";
+/// A model that the paper does not have: regions where maps differ, bounded maps, coefficients of simulations.
+const BOUNDED: &str = "refined:50";
+const BOUND: f64 = 1.0;
+const SIMULATED: Objective = Objective::Steps(20);
+const BOUNDED_MODEL: &str = "bounded.json";
+const BOUNDED_NAME: &str = "refined:50 --stable";
 /// Seconds around a held-out span that do not train: strides repeat.
 const PURGE: f64 = 0.1;
 /// Fig. 8: steps of 1 ms, and starts; fewer where the runs are short, as simulations that overlap more than these tell little more.
@@ -45,7 +51,9 @@ const STARTS: u64 = 1000;
 const ROWS_PER_START: u64 = 40;
 /// The page, and the models on it: the null model is the baseline that all are compared with.
 const PAGE: &str = "report.html";
-const REPORTED: [&str; 3] = ["average", "kmeans:10", "kmeans:50"];
+const REPORTED: [&str; 4] = ["average", "kmeans:10", "kmeans:50", BOUNDED_NAME];
+/// The page of the differential drive (Fig. 9a).
+const DRIVE_PAGE: &str = "drive.html";
 /// Fig. 9: the plane, and cells along each axis.
 const PLANE: [&str; 2] = ["alpha_l", "alpha_r"];
 const BINS: usize = 36;
@@ -58,6 +66,7 @@ pub(super) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Erro
     let logs = demo.logs(arguments.minutes)?;
     demo.gait(&logs)?;
     demo.fit(&logs)?;
+    demo.fit_bounded(&logs)?;
     demo.horizons(&logs)?;
     demo.planes(&logs)?;
     demo.report(&logs)?;
@@ -203,6 +212,31 @@ impl Demo<'_> {
         Ok(())
     }
 
+    /// Fits the bounded model of refined regions, whose coefficients reduce the errors of simulations.
+    fn fit_bounded(&mut self, logs: &DemoLogs) -> Result<(), Error> {
+        let mut recipe = self.cached(Recipe::read(&logs.training.recipe)?);
+        recipe.model.partition = Some(BOUNDED.to_owned());
+        recipe.pwa.purge = Some(PURGE);
+        recipe.pwa.stable = Some(BOUND);
+        recipe.pwa.objective = Some(SIMULATED);
+        let (recipe_file, path) = (shell_word(&logs.training.recipe.display().to_string()), self.path(BOUNDED_MODEL));
+        let (data, output) = (self.training_data(logs), self.word(BOUNDED_MODEL));
+        let (purge, objective) = (PURGE.to_string(), SIMULATED.to_string());
+        let flags = ["--partition", BOUNDED, "--purge", &purge, "--stable", "--objective", &objective, "-o", &output];
+        self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
+        let bar = self.context.bar();
+        let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), &logs.training_files(), &bar);
+        bar.finish();
+        let fitted = fitted?;
+        fitted.write(&path)?;
+        let report = &fitted.report;
+        self.context.notes(&report.summary().notes);
+        self.tell("table_1_bounded", table_one::TableReport::from(report), || {
+            format!("Not in the paper: {BOUNDED_NAME} --objective {SIMULATED}\n{}", table_one::errors(report))
+        });
+        Ok(())
+    }
+
     /// Simulates every model from states of runs that did not train, with the treadmill's controller around it and with the recorded inputs.
     fn horizons(&mut self, logs: &DemoLogs) -> Result<(), Error> {
         let files = logs.held_out_files();
@@ -241,13 +275,14 @@ impl Demo<'_> {
         Ok(())
     }
 
-    /// Names and files of the models of Table I.
+    /// Names and files of the models of Table I and of the bounded one.
     fn models(&self) -> Result<Vec<(String, PathBuf)>, Error> {
         let path = self.model();
         let list = Specification::parse_list(PARTITIONS)?;
         Ok(list
             .iter()
             .map(|specification| (specification.to_string(), rival_file(&path, &specification.to_string())))
+            .chain([(BOUNDED_NAME.to_owned(), self.path(BOUNDED_MODEL))])
             .collect())
     }
 
@@ -261,17 +296,23 @@ impl Demo<'_> {
         let drive_path = self.path("differential_drive.json");
         write_model(&drive?, &drive_path)?;
         let projected = self.plane(&drive_path, "plane_drive.parquet", logs)?;
+        let [drive_page, page] = [DRIVE_PAGE, PAGE].map(|name| self.path(name));
         self.tell("figure_9a", plane::PlaneReport::from(&projected), || {
-            let title = "Fig. 9a. Mean Mahalanobis score of the differential drive (equation (2)): forward speed and yaw rate from the cranks";
-            plane::map(&projected.plane, title, &PlaneCell::mean_score)
+            format!(
+                "Fig. 9a. Differential drive (equation (2)): mean Mahalanobis score of forward speed and yaw rate {:.2}; map over the cranks: {}",
+                projected.plane.total().mean_score(),
+                drive_page.display()
+            )
         });
+        self.page(&[drive_path], (&self.training_data(logs), &files), DRIVE_PAGE, None)?;
         let finest = self.models()?.into_iter().find(|(name, _)| name == FINEST).map(|(_, path)| path);
         let projected = self.plane(&finest.unwrap_or_else(|| self.model()), "plane_transitions.parquet", logs)?;
         self.tell("figure_9b", plane::PlaneReport::from(&projected), || {
-            let title = format!(
-                "Fig. 9b. Transition ratio of {FINEST}: share of a cell's passages in which the region changes"
-            );
-            plane::map(&projected.plane, &title, &PlaneCell::transition_ratio)
+            format!(
+                "Fig. 9b. {FINEST}: the region changes in {:.1} % of the passages through cells of the plane of the cranks; map: {}",
+                100.0 * projected.plane.total().transition_ratio(),
+                page.display()
+            )
         });
         Ok(())
     }
@@ -293,35 +334,46 @@ impl Demo<'_> {
     fn report(&mut self, logs: &DemoLogs) -> Result<(), Error> {
         let models = self.models()?.into_iter().filter(|(name, _)| REPORTED.contains(&name.as_str()));
         let paths: Vec<PathBuf> = models.map(|(_, path)| path).collect();
-        let files = logs.held_out_files();
-        let words_of_models: Vec<String> = paths.iter().map(|path| shell_word(&path.display().to_string())).collect();
-        let (data, page) = (self.data("test", &logs.held_out.runs, &files), self.path(PAGE));
-        let (horizon, starts) = (HORIZON, starts(logs));
-        let flags = format!(
-            "{data} --horizon {horizon} --starts {starts} --controller treadmill --plane {} -o {}",
-            PLANE.join(","),
-            self.word(PAGE)
-        );
-        self.command(&words(&["report", &words_of_models.join(" "), &flags]));
-        let mut options = ReportOptions::default();
-        options.horizon = Some(horizon);
-        options.starts = starts;
-        options.plane = Some(PLANE.map(str::to_owned));
-        options.controller = Some(fleetfoot::controller("treadmill", &[])?);
-        let bar = self.context.bar();
-        let made = fleetfoot::report(&named(&paths)?, &self.cached(Recipe::default()), &files, &options, &bar);
-        bar.finish();
-        let made = made?;
-        made.write(&page, &files)?;
+        let data = self.data("test", &logs.held_out.runs, &logs.held_out_files());
+        let made = self.page(&paths, (&data, &logs.held_out_files()), PAGE, Some(starts(logs)))?;
+        let page = self.path(PAGE);
         self.tell("report", OnPage::new(&made, &page), || format!("The result on one page: {}", page.display()));
         Ok(())
+    }
+
+    /// A page of models on logs (as words of a command, and their files), with their plane; `starts`: simulations
+    /// under the treadmill's controller.
+    fn page(
+        &self,
+        models: &[PathBuf],
+        (data, files): (&str, &[PathBuf]),
+        name: &str,
+        starts: Option<usize>,
+    ) -> Result<Report, Error> {
+        let mut options = ReportOptions::default();
+        options.plane = Some(PLANE.map(str::to_owned));
+        let mut flags = format!("--plane {}", PLANE.join(","));
+        if let Some(starts) = starts {
+            options.horizon = Some(HORIZON);
+            options.starts = starts;
+            options.controller = Some(fleetfoot::controller("treadmill", &[])?);
+            flags += &format!(" --horizon {HORIZON} --starts {starts} --controller treadmill");
+        }
+        let models_text: Vec<String> = models.iter().map(|path| shell_word(&path.display().to_string())).collect();
+        self.command(&words(&["report", &models_text.join(" "), data, &flags, "-o", &self.word(name)]));
+        let bar = self.context.bar();
+        let made = fleetfoot::report(&named(models)?, &self.cached(Recipe::default()), files, &options, &bar);
+        bar.finish();
+        let made = made?;
+        made.write(&self.path(name), files)?;
+        Ok(made)
     }
 
     fn files(&mut self) {
         let folder = shell_word(&self.folder.display().to_string());
         self.command(&words(&["show", &self.word(MODEL)]));
         self.context.say(format!(
-            "\nin {folder}: report.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
+            "\nin {folder}: report.html, drive.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, bounded.json, differential_drive.json, plane_*.parquet"
         ));
         if self.context.json {
             self.results.insert("folder".into(), self.folder.display().to_string().into());

@@ -25,6 +25,20 @@ const PAPER_COLUMNS: [&str; 8] = ["x''", "y''", "z''", "yaw''", "pitch''", "roll
 
 pub(super) fn to_text(fitted: &PwaReport) -> String {
     let identification = &fitted.identification;
+    format!(
+        "Table I. Mean absolute error of the accelerations over the null model's, 10-fold cross-validated:\n\
+         {} rows of {}; half-widths of {}\n{}\n{}",
+        identification.rows,
+        count(fitted.summary.episodes, "run"),
+        interval_in_words(&identification.basis),
+        errors(fitted),
+        ordering(identification)
+    )
+}
+
+/// The rows of the candidates, and the scale of the errors.
+pub(super) fn errors(fitted: &PwaReport) -> String {
+    let identification = &fitted.identification;
     // Accelerations, without the room that "d()/dt" takes.
     let names: Vec<String> = identification.model.fitted().map(|equation| format!("{}'", equation.subject)).collect();
     let header: Vec<&str> = std::iter::once("model").chain(names.iter().map(String::as_str)).collect();
@@ -43,15 +57,7 @@ pub(super) fn to_text(fitted: &PwaReport) -> String {
     let line = |name: &str, cells: Vec<String>| std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>();
     rows.push(line("sigma", identification.sigma.iter().map(|&value| number(value)).collect()));
     rows.push(line("units", units(identification)));
-    format!(
-        "Table I. Mean absolute error of the accelerations over the null model's, 10-fold cross-validated:\n\
-         {} rows of {}; half-widths of {}\n{}\n{}",
-        identification.rows,
-        count(fitted.summary.episodes, "run"),
-        interval_in_words(&identification.basis),
-        table(&header, rows),
-        ordering(identification)
-    )
+    table(&header, rows)
 }
 
 /// The same table as its authors printed it.

@@ -56,7 +56,7 @@ fn near(value: f64, figure: f64, what: &str) {
 }
 
 #[test]
-fn the_thrust_curve_at_the_given_and_at_the_free_lag() {
+fn thrust_curve_at_given_and_free_lag() {
     let Some(source) = log("crazyflie-thrust.csv", 35.0, 65.0) else { return };
     let fixed = [Parameter::new("tau", 0.0716).between(0.0716, 0.0716)];
     let given = solve(&[thrust(9.18 / 9.81, "tau")], &fixed, &source);

@@ -63,7 +63,7 @@ fn folds(source: &MemorySource) -> (Spans<'_>, Vec<Spans<'_>>, BTreeMap<EpisodeI
 }
 
 #[test]
-fn the_held_out_error_is_that_of_the_same_terms_refitted_on_the_other_spans() {
+fn held_out_error_matches_refits() {
     let (y, u) = recording(300);
     let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
     source.push_uniform("run", 1.0, vec![y.clone(), u.clone()]);
@@ -101,7 +101,7 @@ fn the_held_out_error_is_that_of_the_same_terms_refitted_on_the_other_spans() {
 }
 
 #[test]
-fn one_step_errors_and_criteria_are_those_of_the_rows() {
+fn one_step_errors_and_criteria_match_rows() {
     let (y, u) = recording(300);
     let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
     source.push_uniform("run", 1.0, vec![y.clone(), u.clone()]);
@@ -172,7 +172,7 @@ fn one_step_errors_and_criteria_are_those_of_the_rows() {
 }
 
 #[test]
-fn a_fold_is_simulated_in_the_regions_of_its_own_training_rows() {
+fn folds_are_simulated_in_training_regions() {
     let (y, u) = recording(300);
     let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
     source.push_uniform("run", 1.0, vec![y, u]);
@@ -213,7 +213,7 @@ fn a_fold_is_simulated_in_the_regions_of_its_own_training_rows() {
     }
     assert_eq!(candidates[0].regions, 2, "what is written has the regions of all rows");
     assert!(candidates[0].folds != run(&of_all, &[], TermRule::All)[0].folds);
-    // Where terms are chosen, so many are chosen in every region of a fold's own.
+    // If terms are chosen, every region of a fold has that number of terms.
     let candidates = run(&of_all, &[anew.to_vec()], TermRule::Auto(3));
     assert_eq!(candidates.iter().map(|candidate| candidate.terms).collect::<Vec<_>>(), [1, 2, 3]);
     assert!(candidates.iter().all(|candidate| candidate.rrse.is_finite()), "{candidates:?}");

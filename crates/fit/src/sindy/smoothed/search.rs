@@ -47,7 +47,7 @@ pub(super) struct Place {
 }
 
 /// Result of a search.
-pub(super) struct Found {
+pub(super) struct SearchResult {
     pub(super) place: Place,
     pub(super) variances: Variances,
     pub(super) share: f64,
@@ -73,7 +73,7 @@ struct Proposal {
 
 impl Search<'_> {
     /// Searches from some coefficients (one a candidate).
-    pub(super) fn run(&self, coefficients: &[f64]) -> Result<Found, Error> {
+    pub(super) fn run(&self, coefficients: &[f64]) -> Result<SearchResult, Error> {
         let mut measurement = self.smoother.noise();
         let mut counts = [0, 0];
         let mut best: Option<(f64, Place, Variances, f64)> = None;
@@ -111,7 +111,7 @@ impl Search<'_> {
             Err(error @ Error::Cancelled(_)) => return Err(error),
             Err(_) => f64::INFINITY,
         };
-        Ok(Found { values: [before, self.value(&place)], place, variances, share, supports: counts })
+        Ok(SearchResult { values: [before, self.value(&place)], place, variances, share, supports: counts })
     }
 
     /// Settles a support; coefficients beside it are zero.

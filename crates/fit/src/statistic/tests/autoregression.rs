@@ -93,7 +93,7 @@ fn logs_and_their_statistics_give_the_same_autoregression() {
 }
 
 #[test]
-fn defaults_are_chosen_by_held_out_one_step_errors() {
+fn held_out_errors_choose_defaults() {
     let folder = tempfile::tempdir().unwrap();
     let files = logs(folder.path(), 10, 400, false);
     let recipe = recipe("[narx]\nlags_out = 3\nlags_in = 3\n[model]\ndegree = 2\n");
@@ -120,7 +120,7 @@ fn defaults_are_chosen_by_held_out_one_step_errors() {
 }
 
 #[test]
-fn options_that_need_rows_are_refused_with_a_remedy() {
+fn row_options_are_refused_with_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let files = logs(folder.path(), 2, 120, false);
     let narx = "[narx]\nlags_out = 2\nlags_in = 1\n";

@@ -146,7 +146,7 @@ fn partitions_are_frozen_side_by_side() {
 }
 
 #[test]
-fn sums_that_are_missing_are_refused_with_a_remedy() {
+fn missing_sums_are_refused_with_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let files = pendulum(folder.path(), 2, 260, 0.0);
     let parse = |text: &str| Recipe::parse(text, "test").unwrap();
@@ -181,7 +181,7 @@ fn sums_that_are_missing_are_refused_with_a_remedy() {
 }
 
 #[test]
-fn any_number_of_threads_and_any_groups_give_the_same_bytes() {
+fn threads_and_groups_give_equal_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let files = pendulum(folder.path(), 3, 260, 0.1);
     let recipe = Recipe::parse(&recipes()[4].1, "test").unwrap();
@@ -307,7 +307,7 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
 }
 
 #[test]
-fn a_derivative_that_is_measured_otherwise_has_sums_of_its_own() {
+fn other_derivatives_have_separate_sums() {
     let folder = tempfile::tempdir().unwrap();
     let files = pendulum(folder.path(), 2, 260, 0.0);
     let parse = |text: &str| Recipe::parse(text, "test").unwrap();

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn scans_of_parts_merge_in_any_order_to_the_scan_of_all() {
+fn partial_scans_merge_in_any_order() {
     let folder = tempfile::tempdir().unwrap();
     let files = fleet(folder.path(), &[1, 2, 3], 2);
     let all = scanned(&files, None);
@@ -80,7 +80,7 @@ fn other_plans_are_refused_with_the_difference() {
     let message = joined.merge("a.stats", scanned(&files[1..], None), "b.stats").unwrap_err().to_string();
     assert!(message.contains("other coordinates") && message.contains("--plan"), "{message}");
     assert!(first.resolve(&Recipe::parse(&RECIPE.replace("T - D", "T + D"), "test").unwrap()).is_err());
-    // What does not change the sums may differ.
+    // Settings that do not change the sums may differ.
     let stronger = RECIPE.replace("degree = 2", "degree = 2, penalty = 0.5");
     assert_eq!(first.resolve(&Recipe::parse(&stronger, "test").unwrap()).unwrap().penalties[1], 0.5);
 }
@@ -186,7 +186,7 @@ fn keeping_logs_equals_a_scan_of_them() {
 }
 
 #[test]
-fn sparse_models_of_logs_and_of_their_statistics_are_the_same_bytes() {
+fn sparse_models_of_statistics_equal_logs() {
     let folder = tempfile::tempdir().unwrap();
     let files = fleet(folder.path(), &[1, 2, 3], 2);
     let recipe = recipe();

@@ -17,7 +17,7 @@ use std::{fmt::Write, fs, path::PathBuf};
 /// Set to write the goldens instead of comparing with them.
 const BLESS: &str = "FLEETFOOT_BLESS";
 
-/// What numbers of another platform may differ by, as a share of the largest of their line. A sum of n numbers of relative rounding u = 1.1e-16 has an error of some
+/// Tolerance between platforms, as a share of the largest number of a line. A sum of n numbers of relative rounding u = 1.1e-16 has an error of some
 /// `sqrt(n) u` under another order of its terms, 1e-14 for the ten thousand rows of these logs; equations of a condition of up to 1e4 make 1e-10 of it, and two more
 /// digits are left for what is computed from coefficients.
 /// A region that the training rows of a fold hardly determine makes ten times as much of a held-out loss: 2.6e-8 was seen of 27 functions.
@@ -26,7 +26,7 @@ const TOLERANCE: f64 = 1e-7;
 /// Numbers below this are rounding of others: models of logs without noise have such errors.
 const ROUNDING: f64 = 1e-12;
 
-/// What was found in one case.
+/// Results of one case.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     name: String,
@@ -62,7 +62,7 @@ impl Entry {
     }
 }
 
-/// What the value of a hash begins with.
+/// Prefix of the value of a hash.
 const HASH: &str = "blake3:";
 
 /// Entries, and the platform that they are of.
@@ -99,63 +99,63 @@ impl Book {
         text
     }
 
-    /// What is otherwise in `found`, a sentence each.
-    fn differences(&self, found: &Self) -> Vec<String> {
-        let exact = self.platform == found.platform;
-        let mut said = Vec::new();
-        for own in &self.entries {
-            match found.entries.iter().find(|entry| entry.name == own.name) {
-                Some(entry) => differences(own, entry, exact, &mut said),
-                None => said.push(format!("[{}] is no case any more", own.name)),
+    /// Differences of `current`, a sentence each.
+    fn differences(&self, current: &Self) -> Vec<String> {
+        let exact = self.platform == current.platform;
+        let mut changes = Vec::new();
+        for golden in &self.entries {
+            match current.entries.iter().find(|entry| entry.name == golden.name) {
+                Some(entry) => differences(golden, entry, exact, &mut changes),
+                None => changes.push(format!("[{}] is no case any more", golden.name)),
             }
         }
-        let is_new = |entry: &&Entry| !self.entries.iter().any(|own| own.name == entry.name);
-        said.extend(found.entries.iter().filter(is_new).map(|entry| format!("[{}] is new", entry.name)));
-        said
+        let is_new = |entry: &&Entry| !self.entries.iter().any(|golden| golden.name == entry.name);
+        changes.extend(current.entries.iter().filter(is_new).map(|entry| format!("[{}] is new", entry.name)));
+        changes
     }
 }
 
-/// What is otherwise in one case.
-fn differences(golden: &Entry, found: &Entry, exact: bool, said: &mut Vec<String>) {
+/// Differences of one case.
+fn differences(golden: &Entry, current: &Entry, exact: bool, changes: &mut Vec<String>) {
     for (name, old) in &golden.lines {
         let place = format!("[{}] {name}", golden.name);
-        match found.lines.iter().find(|(own, _)| own == name) {
-            Some((_, new)) => line_differences(&place, (old, new), exact, said),
-            None => said.push(format!("{place}: is gone; it was {old}")),
+        match current.lines.iter().find(|(line, _)| line == name) {
+            Some((_, new)) => line_differences(&place, (old, new), exact, changes),
+            None => changes.push(format!("{place}: is gone; it was {old}")),
         }
     }
-    for (name, new) in &found.lines {
-        if !golden.lines.iter().any(|(own, _)| own == name) {
-            said.push(format!("[{}] {name}: is new, {new}", golden.name));
+    for (name, new) in &current.lines {
+        if !golden.lines.iter().any(|(line, _)| line == name) {
+            changes.push(format!("[{}] {name}: is new, {new}", golden.name));
         }
     }
 }
 
-fn line_differences(place: &str, (old, new): (&str, &str), exact: bool, said: &mut Vec<String>) {
+fn line_differences(place: &str, (old, new): (&str, &str), exact: bool, changes: &mut Vec<String>) {
     if old == new || (!exact && old.starts_with(HASH) && new.starts_with(HASH)) {
         return;
     }
-    let (Some(golden), Some(found)) = (items(old), items(new)) else {
-        said.push(format!("{place}: was {old}, is {new}"));
+    let (Some(golden), Some(current)) = (items(old), items(new)) else {
+        changes.push(format!("{place}: was {old}, is {new}"));
         return;
     };
     let largest = golden.iter().map(|item| item.value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max);
     // Elsewhere a term of rounding may be missing, and a number within a name ends otherwise.
     let counts = |item: &&Item| exact || item.label.is_empty() || item.value.abs() > TOLERANCE * largest;
     let golden: Vec<&Item> = golden.iter().filter(counts).collect();
-    let found: Vec<&Item> = found.iter().filter(counts).collect();
+    let current: Vec<&Item> = current.iter().filter(counts).collect();
     let named = |item: &&Item| if exact { item.label.to_owned() } else { rounded(item.label) };
-    if !golden.iter().map(named).eq(found.iter().map(named)) {
-        said.push(format!("{place}: other terms\n    was {old}\n    is  {new}"));
+    if !golden.iter().map(named).eq(current.iter().map(named)) {
+        changes.push(format!("{place}: other terms\n    was {old}\n    is  {new}"));
         return;
     }
-    for (at, (old, new)) in golden.iter().zip(&found).enumerate() {
+    for (at, (old, new)) in golden.iter().zip(&current).enumerate() {
         let change = (new.value - old.value).abs() / largest;
         // Errors of models without error are rounding on any machine.
         let rounding = !exact && old.value.abs().max(new.value.abs()) < ROUNDING;
         if old.text != new.text && !rounding && (exact || change.is_nan() || change > TOLERANCE) {
             let label = if old.label.is_empty() { format!("number {}", at + 1) } else { old.label.to_owned() };
-            said.push(format!("{place}, {label}: was {}, is {} ({change:.1e} of the line)", old.text, new.text));
+            changes.push(format!("{place}, {label}: was {}, is {} ({change:.1e} of the line)", old.text, new.text));
         }
     }
 }
@@ -193,7 +193,7 @@ fn items(line: &str) -> Option<Vec<Item<'_>>> {
         .collect()
 }
 
-/// Where bytes are the same: operating system (its elementary functions), architecture, the instruction set of the kernels, and that of the processor where
+/// Platform with equal bytes: operating system (its elementary functions), architecture, the instruction set of the kernels, and that of the processor where
 /// third-party libraries choose a wider one.
 fn platform() -> String {
     let kernels = fleetfoot::data::instruction_set();
@@ -216,25 +216,25 @@ fn platform() -> String {
 /// # Panics
 /// Something is otherwise than it was: case, line and label, old and new, and what to do.
 pub(super) fn check(file: &str, about: &str, entries: Vec<Entry>) {
-    let found = Book { platform: platform(), entries };
+    let current = Book { platform: platform(), entries };
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/goldens").join(file);
-    if std::env::var_os(BLESS).is_some_and(|said| !said.is_empty()) {
-        fs::write(&path, found.to_text(about)).unwrap_or_else(|problem| panic!("{}: {problem}", path.display()));
+    if std::env::var_os(BLESS).is_some_and(|value| !value.is_empty()) {
+        fs::write(&path, current.to_text(about)).unwrap_or_else(|problem| panic!("{}: {problem}", path.display()));
         eprintln!("wrote {}", path.display());
         return;
     }
     let text = fs::read_to_string(&path);
     let text = text.unwrap_or_else(|problem| panic!("{}: {problem}; {BLESS}=1 writes it", path.display()));
     let golden = Book::parse(&text);
-    let said = golden.differences(&found);
+    let changes = golden.differences(&current);
     assert!(
-        said.is_empty(),
+        changes.is_empty(),
         "{} of {} ({}, here {}):\n  {}\nIf this is meant, write the goldens again: {BLESS}=1 cargo test -p fleetfoot --test all goldens",
-        if said.len() == 1 { "1 difference".to_owned() } else { format!("{} differences", said.len()) },
+        if changes.len() == 1 { "1 difference".to_owned() } else { format!("{} differences", changes.len()) },
         path.display(),
         golden.platform,
-        found.platform,
-        said.join("\n  ")
+        current.platform,
+        changes.join("\n  ")
     );
 }
 
@@ -257,17 +257,17 @@ fn a_book_reads_back() {
 #[test]
 fn a_difference_names_case_coefficient_old_and_new() {
     let near = f64::from_bits(3.0_f64.to_bits() + 1);
-    let said = book("here", 3.0).differences(&book("here", near)).join("\n");
+    let changes = book("here", 3.0).differences(&book("here", near)).join("\n");
     for part in ["[kmeans] model: was blake3:", "[kmeans] f_v in 0, lag(u, 1): was 3.0, is 3.0000000000000004"] {
-        assert!(said.contains(part), "`{part}` is missing from {said}");
+        assert!(changes.contains(part), "`{part}` is missing from {changes}");
     }
     // Elsewhere rounding is passed over, and no more than that.
     assert!(book("there", 3.0).differences(&book("here", near)).is_empty());
-    let said = book("there", 3.0).differences(&book("here", 3.000_001));
-    assert!(said.len() == 1 && said[0].contains("lag(u, 1)"), "{said:?}");
+    let changes = book("there", 3.0).differences(&book("here", 3.000_001));
+    assert!(changes.len() == 1 && changes[0].contains("lag(u, 1)"), "{changes:?}");
     let mut other = book("here", 3.0);
     other.entries[0].lines[1].1 = "1 0.25; u 3.0".to_owned();
     other.entries[0].lines[3].1 = "average".to_owned();
-    let said = book("there", 3.0).differences(&other).join("\n");
-    assert!(said.contains("other terms") && said.contains("was kmeans:3, by BIC, is average"), "{said}");
+    let changes = book("there", 3.0).differences(&other).join("\n");
+    assert!(changes.contains("other terms") && changes.contains("was kmeans:3, by BIC, is average"), "{changes}");
 }

@@ -53,15 +53,15 @@ fn entry(case: &Case) -> Entry {
     let mut entry = Entry::new(case.0);
     entry.model(&fitted.model);
     entry.report("report", &report);
-    entry.told("order", &report, "order/lags_out");
-    entry.told("order of the inputs", &report, "order/lags_in");
-    entry.told("error reduction ratios", &report, "regions/*/equations/*/terms/*/err");
+    entry.field("order", &report, "order/lags_out");
+    entry.field("order of the inputs", &report, "order/lags_in");
+    entry.field("error reduction ratios", &report, "regions/*/equations/*/terms/*/err");
     if report["held_out"].is_object() {
-        entry.told("held out", &report, "held_out/folds/*");
+        entry.field("held out", &report, "held_out/folds/*");
     }
-    entry.told("one step", &report, "train/one_step/*/rmse");
-    entry.told("free run", &report, "train/free_run/*/rrse");
-    entry.told("free run of another file", &report, "files/mean/*/rrse");
+    entry.field("one step", &report, "train/one_step/*/rmse");
+    entry.field("free run", &report, "train/free_run/*/rrse");
+    entry.field("free run of another file", &report, "files/mean/*/rrse");
     if !case.1.contains("decimate") {
         entry.run(&fitted.model, &logs("machine", 2..3));
     }
@@ -69,6 +69,6 @@ fn entry(case: &Case) -> Entry {
 }
 
 #[test]
-fn autoregressions_are_what_they_were() {
+fn autoregressions_equal_goldens() {
     check("narx.txt", "fit narx", CASES.iter().map(entry).collect());
 }

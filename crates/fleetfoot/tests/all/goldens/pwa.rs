@@ -123,12 +123,12 @@ fn entry(case: &Case) -> Entry {
     let mut entry = Entry::new(case.name);
     entry.model(model);
     entry.report("report", &report);
-    entry.told("chosen", &report, "chosen");
-    entry.told("folds", &report, "fold_rule");
-    entry.told("loss", &report, "candidates/*/loss");
-    entry.told("bic", &report, "candidates/*/bic");
-    entry.told("mae over null", &report, "candidates/*/mae_over_null/*");
-    entry.told("shrinkage", &report, "candidates/*/shrinkage");
+    entry.field("chosen", &report, "chosen");
+    entry.field("folds", &report, "fold_rule");
+    entry.field("loss", &report, "candidates/*/loss");
+    entry.field("bic", &report, "candidates/*/bic");
+    entry.field("mae over null", &report, "candidates/*/mae_over_null/*");
+    entry.field("shrinkage", &report, "candidates/*/shrinkage");
     if case.recipe.contains("states") && !case.recipe.contains("phi") {
         entry.run(model, &logs("robot", 5..6));
     } else {
@@ -139,6 +139,6 @@ fn entry(case: &Case) -> Entry {
 }
 
 #[test]
-fn piecewise_affine_models_are_what_they_were() {
+fn piecewise_affine_models_equal_goldens() {
     check("pwa.txt", "fit pwa", CASES.iter().map(entry).collect());
 }

@@ -52,7 +52,7 @@ const DAMPER: &str = r#"
     model = { degree = 3 }
 "#;
 
-/// What is fitted to one of the recordings.
+/// Fit to one of the recordings.
 struct Case {
     name: &'static str,
     file: &'static str,
@@ -73,8 +73,8 @@ fn pwa(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
     let report = fitted.report.to_json();
     entry.model(&fitted.model);
     entry.report("report", &report);
-    entry.told("loss", &report, "candidates/*/loss");
-    entry.told("mae over null", &report, "candidates/*/mae_over_null/*");
+    entry.field("loss", &report, "candidates/*/loss");
+    entry.field("mae over null", &report, "candidates/*/mae_over_null/*");
     entry.score(&fitted.model, logs);
 }
 
@@ -83,8 +83,8 @@ fn sindy(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
     let report = fitted.report.to_json();
     entry.model(&fitted.model);
     entry.report("report", &report);
-    entry.told("rms", &report, "regions/*/equations/*/rms");
-    entry.told("held out", &report, "regions/*/equations/*/held_out_rms");
+    entry.field("rms", &report, "regions/*/equations/*/rms");
+    entry.field("held out", &report, "regions/*/equations/*/held_out_rms");
     entry.rollouts(&fitted.model, logs);
 }
 
@@ -93,8 +93,8 @@ fn sparse(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
     let report = fitted[0].report.to_json();
     entry.model(&fitted[0].model);
     entry.report("report", &report);
-    entry.told("lambda", &report, "lambda/value");
-    entry.told("held out", &report, "tasks/*/held_out_rms");
+    entry.field("lambda", &report, "lambda/value");
+    entry.field("held out", &report, "tasks/*/held_out_rms");
 }
 
 fn narx(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
@@ -102,12 +102,12 @@ fn narx(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
     let report = fitted.report.to_json();
     entry.model(&fitted.model);
     entry.report("report", &report);
-    entry.told("one step", &report, "train/one_step/*/rmse");
-    entry.told("free run", &report, "test/free_run/*/rrse");
+    entry.field("one step", &report, "train/one_step/*/rmse");
+    entry.field("free run", &report, "test/free_run/*/rrse");
 }
 
 #[test]
-fn models_of_recordings_are_what_they_were() {
+fn models_of_recordings_equal_goldens() {
     let mut entries = Vec::new();
     for case in &CASES {
         let Some(file) = data(case.file) else { return };

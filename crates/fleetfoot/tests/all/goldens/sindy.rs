@@ -7,9 +7,10 @@ use fleetfoot::{
 
 use super::{
     book::{Entry, check},
-    found::{bare, bytes_of},
     logs::logs,
-    recipe, refits,
+    recipe,
+    record::{bare, bytes_of},
+    refits,
 };
 
 /// A configuration: its name, the plant, and its recipe.
@@ -100,12 +101,12 @@ fn entry(name: &str, fitted: &Fitted<SindyReport>) -> Entry {
     let mut entry = Entry::new(name);
     entry.model(&fitted.model);
     entry.report("report", &report);
-    entry.told("folds", &report, "fold_rule");
-    entry.told("rms", &report, "regions/*/equations/*/rms");
-    entry.told("held out", &report, "regions/*/equations/*/held_out_rms");
-    entry.told("standard errors", &report, "regions/*/equations/*/terms/*/standard_error");
+    entry.field("folds", &report, "fold_rule");
+    entry.field("rms", &report, "regions/*/equations/*/rms");
+    entry.field("held out", &report, "regions/*/equations/*/held_out_rms");
+    entry.field("standard errors", &report, "regions/*/equations/*/terms/*/standard_error");
     if !report["parameters"].as_array().is_none_or(Vec::is_empty) {
-        entry.told("parameters", &report, "parameters/*/value");
+        entry.field("parameters", &report, "parameters/*/value");
     }
     if !fitted.rivals.is_empty() {
         let front: String = fitted.rivals.iter().map(|rival| bare(&rival.model)).collect();
@@ -151,7 +152,7 @@ fn from_statistic() -> Vec<Entry> {
     let file = Logs::of_statistic(file.into());
     let fitted = fit(case.0, &recipe(&text(&case)), &file);
     refits(case.0, &fitted.model, |recipe| fit(case.0, recipe, &file).model);
-    // What a recipe does not say, that of the scan does.
+    // The scan's recipe supplies entries that a recipe lacks.
     let silent = fit(case.0, &Recipe::default(), &file);
     assert!(
         bare(&silent.model) == bare(&fitted.model),
@@ -162,6 +163,6 @@ fn from_statistic() -> Vec<Entry> {
 }
 
 #[test]
-fn equations_are_what_they_were() {
+fn equations_equal_goldens() {
     check("sindy.txt", "fit sindy", CASES.iter().map(from_logs).chain(from_statistic()).collect());
 }

@@ -74,12 +74,12 @@ fn entry(name: &str, fitted: &Fitted<SparseReport>) -> Entry {
     let mut entry = Entry::new(name);
     entry.model(&fitted.model);
     entry.report("report", &report);
-    entry.told("lambda", &report, "lambda/value");
-    entry.told("rms", &report, "tasks/*/rms");
-    entry.told("held out", &report, "tasks/*/held_out_rms");
-    entry.told("standard errors", &report, "latents/*/functions/*/standard_error");
-    entry.told("lasso", &report, "latents/*/functions/*/lasso");
-    entry.told("frequencies", &report, "latents/*/functions/*/frequency");
+    entry.field("lambda", &report, "lambda/value");
+    entry.field("rms", &report, "tasks/*/rms");
+    entry.field("held out", &report, "tasks/*/held_out_rms");
+    entry.field("standard errors", &report, "latents/*/functions/*/standard_error");
+    entry.field("lasso", &report, "latents/*/functions/*/lasso");
+    entry.field("frequencies", &report, "latents/*/functions/*/frequency");
     entry
 }
 
@@ -109,10 +109,10 @@ fn within_limits() -> Entry {
 fn by_label() -> Vec<Entry> {
     let request = FitRequest { by: Some("weather".to_owned()), influence: true, ..FitRequest::default() };
     let fitted = fit("labels", &format!("{STRUCTURE}\n[sparse]\nlambda = \"1e-3\"\n"), &request, &logs("flight", 0..6));
-    let of = |found: &Fitted<SparseReport>| {
-        let report = found.report.to_json();
-        let mut entry = entry(&format!("weather {}", found.value.as_deref().unwrap_or_default()), found);
-        entry.told("Cook's distances", &report, "influence/episodes/*/cooks_distance");
+    let of = |label_fit: &Fitted<SparseReport>| {
+        let report = label_fit.report.to_json();
+        let mut entry = entry(&format!("weather {}", label_fit.value.as_deref().unwrap_or_default()), label_fit);
+        entry.field("Cook's distances", &report, "influence/episodes/*/cooks_distance");
         entry
     };
     fitted.iter().map(of).collect()
@@ -130,7 +130,7 @@ fn from_statistic() -> Vec<Entry> {
 }
 
 #[test]
-fn sparse_models_are_what_they_were() {
+fn sparse_models_equal_goldens() {
     let cases = CASES.iter().map(from_logs).chain([within_limits()]).chain(by_label()).chain(from_statistic());
     check("sparse.txt", "fit sparse", cases.collect());
 }

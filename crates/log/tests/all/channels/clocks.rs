@@ -65,7 +65,7 @@ fn a_topic_without_a_header_has_no_header_stamp() {
 }
 
 #[test]
-fn clocks_that_never_meet_are_refused_with_both_ranges() {
+fn disjoint_clocks_are_refused_with_ranges() {
     let mut log = Log::new();
     log.drive(|topic, at| Some((if topic == "/odom" { at - START + SECOND } else { at - START + 100 * SECOND }, at)));
     let log = log.finish();
@@ -78,7 +78,7 @@ fn clocks_that_never_meet_are_refused_with_both_ranges() {
 
 /// A topic of another computer, whose clock is 100 s ahead and 1 % fast: its stamps are corrected before anything is joined, in this log alone, and the cache tells corrected rows from others.
 #[test]
-fn stamps_of_another_clock_are_corrected_before_they_are_joined() {
+fn other_clocks_are_corrected_before_joining() {
     let mut log = Log::new();
     let fast = |at: i64| (at - START) + (at - START) / 100 + 100 * SECOND;
     log.drive(|topic, at| Some((if topic == "/odom" { at - START + SECOND } else { fast(at) + SECOND }, at)));
@@ -107,7 +107,7 @@ fn stamps_of_another_clock_are_corrected_before_they_are_joined() {
 }
 
 #[test]
-fn headers_that_are_not_filled_in_are_no_clock() {
+fn empty_headers_are_no_clock() {
     let mut log = Log::new();
     log.drive(|topic, at| Some((if topic == "/odom" { 0 } else { at }, at + 2 * MILLISECOND)));
     let log = log.finish();
@@ -132,7 +132,7 @@ fn a_few_zero_stamps_are_left_out_and_counted() {
 }
 
 #[test]
-fn stamps_out_of_order_within_the_window_change_nothing() {
+fn small_disorder_of_stamps_changes_nothing() {
     let sorted = whole(&usual().open(&selection(None)));
     let mut log = Log::new();
     // Force arrives two by two in the wrong order.

@@ -37,7 +37,7 @@ fn every_kind_gives_the_closed_form() {
 }
 
 #[test]
-fn rotations_go_on_the_great_arc_whatever_sign_is_written() {
+fn rotations_interpolate_on_the_great_arc() {
     let mut log = Log::new();
     for k in 0..400 {
         let at = START + k * 10 * MILLISECOND;
@@ -81,7 +81,7 @@ fn rotations_go_on_the_great_arc_whatever_sign_is_written() {
 }
 
 #[test]
-fn latched_topic_holds_without_limit_if_max_gap_is_none() {
+fn latched_topic_holds_without_max_gap() {
     let mut log = Log::new();
     log.write("/friction", START, &Float64 { data: 0.75 });
     log.drive(|_, at| Some((at, at + 2 * MILLISECOND)));
@@ -120,7 +120,7 @@ fn joints() -> Log {
 }
 
 #[test]
-fn joints_go_by_name_in_whatever_order_they_come() {
+fn joints_are_matched_by_name() {
     let log = joints().finish();
     let names = ["left", "right", "arm.lift"].map(|joint| format!("/joint_states.position[{joint}]"));
     let rows = whole(&log.open(&Selection::new(names)));

@@ -87,7 +87,7 @@ fn each_selection_has_separate_cached_columns() {
         log.open(&other);
         assert_eq!(files(&folder).len(), place + 2);
     }
-    // What does not change the columns asks nothing new.
+    // A change that keeps the columns opens no file again.
     log.open(&Selection { memory_budget: 0, ..selection.clone() });
     assert_eq!(files(&folder).len(), changes.len() + 1);
     // Small files are not worth it.

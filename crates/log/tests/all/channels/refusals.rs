@@ -63,7 +63,7 @@ fn request_without_columns_is_refused() {
 }
 
 #[test]
-fn a_file_that_is_not_what_its_name_says_is_refused() {
+fn mislabelled_files_are_refused() {
     let log = usual();
     let at = |name: &str| log.folder.path().join(name);
     for name in ["run.csv", "run.parquet", "run.csv.gz"] {

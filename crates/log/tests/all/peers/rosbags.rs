@@ -64,7 +64,7 @@ fn every_number_of_real_recordings() {
 
 /// The log of a paper: types of a package of its own, beside a text with the same numbers.
 #[test]
-fn types_of_other_packages_are_read_from_definitions_beside_the_recording() {
+fn types_are_read_from_adjacent_definitions() {
     let Some(databases) = data("db3") else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robomaster.db3");

@@ -70,7 +70,7 @@ impl Encoder<'_> {
                 self.bytes.extend(text.bytes().chain(std::iter::repeat_n(0, nul)));
             }
             (Type::PlainText { size }, Value::Text(text)) => {
-                // What follows the NUL means nothing.
+                // Bytes behind the NUL mean nothing.
                 let filling = std::iter::once(0).chain(std::iter::repeat(0xAA));
                 let size = size.unwrap_or(text.len());
                 self.bytes.extend(text.bytes().chain(filling).take(size));

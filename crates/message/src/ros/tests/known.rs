@@ -56,7 +56,7 @@ fn codec_ros1(schema: &str) -> Box<dyn Codec> {
 }
 
 #[test]
-fn names_that_are_no_utf8_are_found_under_what_they_are_shown_as() {
+fn invalid_utf8_names_match_their_display() {
     let codec = codec_ros1("string[] name\nfloat32[] position\n");
     let message = b"\x02\0\0\0\x03\0\0\0r\xe9f\x01\0\0\0b\x02\0\0\0\0\0\x80\x3f\0\0\0\x40";
     let name = codec.value(message).unwrap().field("name").cloned();

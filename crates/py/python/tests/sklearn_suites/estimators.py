@@ -1,4 +1,4 @@
-"""What `check_estimator` is expected to find: by class the checks that fail or do not apply, with their reasons."""
+"""Expected failures of `check_estimator`: by class the checks that fail or do not apply, with their reasons."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ EXPECTED: dict[str, dict[str, str]] = {
     "STLSQ": _OPTIMIZER,
 }
 
-#: How to make an estimator for the checks, where its defaults will not do.
+#: Constructors of estimators whose defaults do not suit the checks.
 MAKE: dict[str, Callable[[Any], Any]] = {
-    "BlockSparse": lambda found: found(target="y", select="bic"),
-    "Network": lambda found: found(target="y", effort="low"),
-    "PWA": lambda found: found(target="y"),
-    "SINDy": lambda found: found(target="y", library="poly(1)"),
+    "BlockSparse": lambda estimator: estimator(target="y", select="bic"),
+    "Network": lambda estimator: estimator(target="y", effort="low"),
+    "PWA": lambda estimator: estimator(target="y"),
+    "SINDy": lambda estimator: estimator(target="y", library="poly(1)"),
 }
 
 #: Estimators to which the checks do not apply, with the reason.

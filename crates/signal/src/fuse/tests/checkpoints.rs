@@ -37,7 +37,7 @@ fn a_killed_fusion_goes_on_to_the_same_bits() {
     let go_on = |at: usize, threads| {
         let mut from = Kept { first: Some(kept.all[at].clone()), ..Kept::default() };
         let fused: Fused = with_threads(threads, || fuse_from(&runs, &options, &mut from).unwrap());
-        // What was done is not done again.
+        // Finished work is not repeated.
         assert_eq!(from.all.len() + at + 1, rounds);
         fused
     };

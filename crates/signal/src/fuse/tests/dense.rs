@@ -46,7 +46,7 @@ fn rows(problem: &Problem<'_>) -> (DMatrix<f64>, DVector<f64>) {
 
 /// Two runs of twenty poses each with all constants unknown: the step and the covariances of the chain are those of one dense factorisation, to 1e-8 of a deviation.
 #[test]
-fn a_step_and_its_covariances_are_those_of_dense_algebra() {
+fn step_and_covariances_match_dense_algebra() {
     let recordings = [Recording::new(0.35, 1), Recording::new(0.35, 2)];
     let lever = Prior { value: [0.0; 3], deviation: 0.1 };
     let options = FuseOptions { lever, offset: Prior { value: 0.19, deviation: 0.01 }, ..options() };
@@ -183,14 +183,14 @@ fn the_solution_is_the_least() {
 
 /// The information of the noise is that of dense algebra: what is left of the residuals of one kind of noise, as the right side, of all unknowns' least squares, times those of another.
 #[test]
-fn information_of_the_noise_is_that_of_dense_algebra() {
+fn information_of_the_noise_matches_dense_algebra() {
     let recordings = [Recording::new(0.4, 1), Recording::new(0.3, 2)];
     let lever = Prior { value: [0.0; 3], deviation: 0.1 };
     let options = FuseOptions { lever, offset: Prior { value: 0.19, deviation: 0.01 }, ..options() };
     let mut problem = problem(&recordings.each_ref().map(Recording::run), &options);
     problem.descend(STEPS).unwrap();
     let (matrix, right) = rows(&problem);
-    // Where rows of positions, attitudes and walks stand: those of what is known of the constants come first, then node by node biases at the first, six of the pose, fifteen of the readings.
+    // Rows of positions, attitudes and walks: those of what is known of the constants come first, then node by node biases at the first, six of the pose, fifteen of the readings.
     let known = problem.border_rows(&problem.border).len();
     let (mut parts, mut at) = (vec![DVector::zeros(right.len()); 4], known);
     for track in &problem.tracks {

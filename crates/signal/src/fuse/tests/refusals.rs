@@ -49,7 +49,7 @@ fn inputs_that_cannot_be_fused_are_refused() {
 
 /// Positions of a short stretch all contradict the readings between them: the stretch is left out and counted, and the others are what they are without it.
 #[test]
-fn a_stretch_that_the_gate_leaves_undetermined_is_dropped() {
+fn undetermined_stretches_are_dropped() {
     let mut recording = Recording::new(6.0, 8);
     // Two gaps: from 1.0 to 1.2 s and from 1.3 to 1.5 s by the readings.
     let keep: Vec<usize> =

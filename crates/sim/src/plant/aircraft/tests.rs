@@ -15,7 +15,7 @@ fn columns<'a, const N: usize>(flight: &'a Flight, names: [&str; N]) -> [&'a [f6
 }
 
 #[test]
-fn climbs_are_those_of_a_narrow_body_jet() {
+fn climbs_match_a_narrow_body_jet() {
     let airplane = airplane(&AircraftClimb::default());
     for number in 0..8 {
         let flight = airplane.flight(number);
@@ -153,7 +153,7 @@ fn a_quieter_recorder_changes_nothing_else() {
 }
 
 #[test]
-fn the_fleet_shares_its_supports_and_not_its_coefficients() {
+fn fleet_shares_supports_only() {
     let type_terms = Terms::default();
     let fleet: Vec<Airplane> =
         (0..25).map(|aircraft| airplane(&AircraftClimb { aircraft, ..AircraftClimb::default() })).collect();
@@ -192,7 +192,7 @@ impl Sink for Kept {
 }
 
 #[test]
-fn the_scenario_writes_what_the_columns_say() {
+fn scenario_writes_its_columns() {
     let scenario = ClimbScenario::new(&AircraftClimb::default()).unwrap();
     let mut kept = Kept::default();
     let end = scenario.run(Run { seconds: 100.0, seed: 9 }, &mut kept).unwrap();

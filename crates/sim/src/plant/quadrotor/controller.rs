@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_on_target_it_commands_the_hover() {
+    fn controller_at_target_commands_hover() {
         let (gains, airframe) = (Tracking::default(), Airframe::default());
         let state = QuadrotorState::at(DVec3::new(1.0, 2.0, 3.0));
         let target = Target { position: state.position, velocity: DVec3::ZERO, acceleration: DVec3::ZERO };

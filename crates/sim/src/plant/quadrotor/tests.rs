@@ -19,7 +19,7 @@ fn tumbling() -> QuadrotorState {
 }
 
 #[test]
-fn at_hover_speed_it_hovers() {
+fn quadrotor_hovers_at_hover_speed() {
     let airframe = Airframe::default();
     let speed = airframe.hover_speed();
     // 4 c w^2 = m g
@@ -33,7 +33,7 @@ fn at_hover_speed_it_hovers() {
 
 /// With the rotors stopped, m v' = m g - k v^2: v = v_t tanh(g t / v_t), v_t = sqrt(2 m g / (rho A)).
 #[test]
-fn it_falls_at_its_terminal_velocity() {
+fn quadrotor_falls_at_terminal_velocity() {
     let airframe = Airframe::default();
     let terminal = (2.0 * airframe.mass * GRAVITY / (airframe.air_density * airframe.drag_area[2])).sqrt();
     let mut state = QuadrotorState::at(DVec3::ZERO);
@@ -175,7 +175,7 @@ fn tracking_error(kept: &Kept) -> f64 {
 }
 
 #[test]
-fn it_tracks_its_trajectory_in_wind() {
+fn quadrotor_tracks_trajectory_in_wind() {
     let eight = Reference::FigureEight { centre: [0.0, 0.0, 1.5], amplitude: [1.2, 0.6, 0.2], period: 6.0 };
     for reference in [Reference::default(), eight, Reference::Hover { position: [0.0, 0.0, 1.0] }] {
         let parameters = QuadrotorFlight { reference, ..QuadrotorFlight::default() };
@@ -201,7 +201,7 @@ fn rows_obey_the_equations() {
         let force = up * row[thrust] + three(row, fa) - mass * GRAVITY * DVec3::Z;
         assert!(force.distance(mass * three(row, a)) < 1e-14);
         let difference = (three(&pair[1], v) - three(row, v)) / 0.002;
-        // What an acceleration changes in a step: rotors at 2270 / 0.07 rad/s^2 at most.
+        // Largest change of an acceleration in a step: rotors at 2270 / 0.07 rad/s^2 at most.
         assert!(difference.distance(three(row, a)) < 0.5);
         let difference = (three(&pair[1], w) - three(row, w)) / 0.002;
         assert!(difference.distance(three(row, wd)) < 15.0);
@@ -237,7 +237,7 @@ fn flights_repeat_and_sensors_leave_them_alone() {
 }
 
 #[test]
-fn a_storm_blows_it_away_and_bad_parameters_are_named() {
+fn storm_and_bad_parameters_are_faults() {
     let mut storm = QuadrotorFlight::default();
     storm.wind.mean = [40.0, 0.0, 0.0];
     let (kept, end) = fly(&storm, 20.0, 1);

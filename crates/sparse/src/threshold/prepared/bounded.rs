@@ -82,7 +82,7 @@ impl<'a> Search<'a> {
                 self.values[place] = self.prepared.clamped(self.columns[place], moved);
             }
             let Some((_, place)) = first else { return };
-            // Whether it moved towards the bound above or below, the bound is where it is clamped to.
+            // The value is clamped to the bound that it moved to, above or below.
             self.values[place] =
                 self.prepared.clamped(self.columns[place], wanted[free.partition_point(|&at| at < place)]);
             self.held[place] = true;

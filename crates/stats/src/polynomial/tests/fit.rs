@@ -24,7 +24,7 @@ fn monomials(plan: &PolynomialPlan, base: &[&[f64]]) -> Mat<f64> {
 }
 
 #[test]
-fn coefficients_are_as_good_as_those_of_qr() {
+fn coefficients_are_as_accurate_as_qr() {
     let rows = 6000;
     for (m, degree, share) in
         [(1, 6, 0.0), (2, 5, 1.5), (3, 5, 1.5), (3, 5, 8.0), (3, 5, 30.0), (3, 3, 300.0), (6, 2, 1.5), (6, 2, 100.0)]
@@ -75,7 +75,7 @@ fn coefficients_are_as_good_as_those_of_qr() {
 }
 
 #[test]
-fn conversion_to_monomials_is_exact_where_numbers_are() {
+fn monomial_conversion_of_exact_numbers_is_exact() {
     // Values +-1/4 about 1/2: one column, deviation 1/4, so v = (x - 1/2) * 4 / unit with a dyadic or 3-smooth unit.
     let x: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 0.25 } else { 0.75 }).collect();
     let mut plan = PolynomialPlan::from_pilot(&[&x], &[&x], 3).unwrap();

@@ -29,7 +29,7 @@ fn loss_at_degree_five_follows_the_condition() {
         let root = moments.root(0);
         let condition = least_squares(&expected, &expected.deviation()).condition;
         let error = coefficient_error(&root, &expected);
-        // What the factor of the Gram matrix loses, and what raw monomials lose whoever factors them.
+        // Digits lost by the factor of the Gram matrix, and by raw monomials whatever factors them.
         let bound = 1e-15 * root.condition + 1e-13 * condition;
         assert!(error < bound, "{error:e} {bound:e}");
         let (first, second) = (excess(&root, &expected), excess(&products.root(0), &expected));

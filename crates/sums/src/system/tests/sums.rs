@@ -44,7 +44,7 @@ fn parts_of_a_plan_are_the_whole() {
 }
 
 #[test]
-fn a_plan_that_was_kept_sums_to_the_same_bits() {
+fn kept_plan_sums_to_equal_bits() {
     let source = lorenz(2, 700, 0.01, 1.0, 0.3);
     for system in systems() {
         let plan = SystemPlan::new(system.clone(), Some(90), &source).unwrap();

@@ -72,7 +72,7 @@ fn polynomials_have_the_means_and_rates_of_their_integrals() {
 }
 
 #[test]
-fn waves_have_the_rates_of_their_integrals_at_even_stamps_and_nearly_at_uneven_ones() {
+fn weak_rates_of_waves_match_integrals() {
     let columns: [(&str, &dyn Fn(f64) -> f64); 2] = [("s", &|t| (3.0 * t).sin()), ("c", &|t| 3.0 * (3.0 * t).cos())];
     for (stamps, tolerance) in [(even(400, 0.01), 1e-9), (uneven(400, 0.01), 6e-4)] {
         let source = signals(stamps, &columns);
@@ -80,7 +80,7 @@ fn waves_have_the_rates_of_their_integrals_at_even_stamps_and_nearly_at_uneven_o
         assert_eq!(matrix.nrows(), (400 - 48_usize).div_ceil(6));
         let worst = (0..matrix.nrows()).map(|i| (matrix[(i, 0)] - matrix[(i, 1)]).abs()).fold(0.0, f64::max);
         assert!(worst < 3.0 * tolerance, "{worst:e}");
-        // What the stamps alone tell of the error is of its size.
+        // The error estimate from the stamps alone is of the error's size.
         let accuracy = weak_accuracy(24, &source).unwrap();
         assert!(worst < 30.0 * accuracy && accuracy < tolerance, "{accuracy:e} for {worst:e}");
     }
@@ -110,7 +110,7 @@ fn the_units_of_time_and_of_states_scale_the_rates() {
 }
 
 #[test]
-fn an_angle_turns_on_where_it_wraps() {
+fn wrapped_angle_continues() {
     let wrapped = |t: f64| (5.0 * t).rem_euclid(TAU) - TAU / 2.0;
     let source = signals(even(300, 0.01), &[("a", &wrapped)]);
     let weak = |angle| Weak {
@@ -166,7 +166,7 @@ fn noise_free_rows_have_the_equations_of_the_system() {
 }
 
 #[test]
-fn rows_count_once_and_windows_are_counted_where_their_middles_are() {
+fn windows_are_counted_at_their_middles() {
     let source = lorenz(2, 401, 0.01, 0.0, 0.1);
     let plan = SystemPlan::new(lorenz_system(16), Some(100), &source).unwrap();
     let statistic = scan(&plan, &source);
@@ -182,7 +182,7 @@ fn rows_count_once_and_windows_are_counted_where_their_middles_are() {
 }
 
 #[test]
-fn a_missing_value_ends_windows_and_so_does_the_end_of_an_episode() {
+fn missing_values_end_windows() {
     let mut x: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
     x[100] = f64::NAN;
     let mut source = MemorySource::new(vec![Column::float("x")]);
@@ -206,7 +206,7 @@ fn a_missing_value_ends_windows_and_so_does_the_end_of_an_episode() {
 }
 
 #[test]
-fn windows_over_a_border_of_regions_take_part_in_none() {
+fn windows_across_regions_are_dropped() {
     let source = lorenz(2, 600, 0.01, 0.0, 0.1);
     let system = System { partition: Some(voronoi()), ..lorenz_system(8) };
     let statistic = scan(&SystemPlan::new(system, None, &source).unwrap(), &source);
@@ -217,7 +217,7 @@ fn windows_over_a_border_of_regions_take_part_in_none() {
 }
 
 #[test]
-fn a_window_weighs_as_much_as_its_least_row() {
+fn windows_have_their_least_row_weight() {
     let source = lorenz(2, 400, 0.01, 0.0, 0.1);
     let weighted = |weight: &str| {
         let weight = Expr::parse(weight, &Scope::open()).unwrap();
@@ -232,7 +232,7 @@ fn a_window_weighs_as_much_as_its_least_row() {
 }
 
 #[test]
-fn threads_order_and_files_do_not_matter_and_merged_parts_are_the_whole() {
+fn merged_parts_equal_the_whole() {
     let source = lorenz(4, 500, 0.01, 0.0, 0.5);
     let plan = SystemPlan::new(lorenz_system(16), Some(64), &source).unwrap();
     let whole = plan.sum_rows(&source, &Silent).unwrap();
@@ -271,7 +271,7 @@ fn impossible_windows_are_refused() {
 proptest! {
     /// Means are weighted means, and the rate of a line is its slope, whatever the stamps.
     #[test]
-    fn weights_are_those_of_means_and_of_slopes(steps in prop::collection::vec(1_i64..5_000_000, 8..60)) {
+    fn weights_match_means_and_of_slopes(steps in prop::collection::vec(1_i64..5_000_000, 8..60)) {
         let mut stamps = vec![0_i64];
         steps.iter().for_each(|step| stamps.push(stamps[stamps.len() - 1] + step));
         stamps.truncate(stamps.len() / 2 * 2 - 1);

@@ -11,14 +11,14 @@ use crate::{FileInfo, RunFiles, Selection, TimeSpec, open_with_progress};
 
 /// Tables that look like the files of runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FoundRuns {
+pub struct DetectedRuns {
     /// The runs.
     pub runs: Vec<RunFiles>,
     /// Topics and the patterns of their files, as in `[files]`.
     pub patterns: Vec<(String, String)>,
 }
 
-impl FoundRuns {
+impl DetectedRuns {
     /// Looks at files of one call: every folder, its subfolders included, has as many tables of different columns. `None` where that is not so, or where ranges of clocks
     /// that are known do not overlap.
     pub fn among(infos: &[FileInfo]) -> Option<Self> {
@@ -48,7 +48,7 @@ impl FoundRuns {
                 true => format!("{place}{}", glob::Pattern::escape(name)),
                 false => format!("{place}{}*.{ending}", glob::Pattern::escape(word)),
             };
-            // Where files of several folders are called alike, the folders tell them apart.
+            // Files of equal names are told apart by their folders.
             let described =
                 if words.len() < named.len() && !below.is_empty() { below.join("_") } else { (*word).to_owned() };
             let topic: String =

@@ -1,4 +1,4 @@
-//! What is kept of models, reports and statistics.
+//! Records of models, reports and statistics.
 
 use std::path::PathBuf;
 
@@ -24,13 +24,13 @@ impl Entry {
         for latent in &model.latents {
             let regions = &model.summaries[latent.partition].regions;
             let Some(map) = latent.affine() else { continue };
-            for (region, found) in map.coefficients.iter().enumerate() {
+            for (region, coefficients) in map.coefficients.iter().enumerate() {
                 let name = match regions.get(region) {
-                    Some(own) if regions.len() > 1 => format!("{} in {}", latent.name, own.name),
+                    Some(summary) if regions.len() > 1 => format!("{} in {}", latent.name, summary.name),
                     _ => latent.name.clone(),
                 };
                 let functions = model.libraries[latent.library].iter().map(ToString::to_string);
-                let terms = functions.zip(found.iter().copied());
+                let terms = functions.zip(coefficients.iter().copied());
                 let all = [("1".to_owned(), map.constants[region])].into_iter().chain(terms);
                 self.labelled(&name, all.filter(|(_, value)| *value != 0.0));
             }
@@ -39,7 +39,7 @@ impl Entry {
 
     /// A report: the hash of its text, without that of the model, and without the path and the front of orders, which were added since the goldens were written.
     pub(super) fn report(&mut self, name: &str, report: &Value) {
-        told_of(report);
+        check_documented(report);
         let mut report = report.clone();
         if let Some(fields) = report.as_object_mut() {
             ["hash", "path"].iter().for_each(|key| drop(fields.remove(*key)));
@@ -52,7 +52,7 @@ impl Entry {
     }
 
     /// Numbers of a report by their places in it; `null` is NaN, and nothing is told where all are. `*` stands for every entry of a list.
-    pub(super) fn told(&mut self, name: &str, report: &Value, place: &str) {
+    pub(super) fn field(&mut self, name: &str, report: &Value, place: &str) {
         let mut values = Vec::new();
         collect(report, place.trim_start_matches('/'), &mut values);
         assert!(!values.is_empty(), "{place} is missing from {report:#}");
@@ -93,25 +93,33 @@ impl Entry {
             target.as_object_mut().map(|fields| fields.remove("explained_variance"));
         }
         self.report("score", &scored);
-        self.told("score: rmse", &scored, "targets/*/rmse");
-        self.told("score: r2", &scored, "targets/*/r2");
-        self.told("score: mahalanobis", &scored, "mahalanobis/value");
+        self.field("score: rmse", &scored, "targets/*/rmse");
+        self.field("score: r2", &scored, "targets/*/r2");
+        self.field("score: mahalanobis", &scored, "mahalanobis/value");
     }
 
     /// Predictions row by row: the hash of all that is told of every row, and the mean of each column.
     pub(super) fn predictions(&mut self, model: &Model, logs: &[PathBuf]) {
         let (mut bytes, mut sums, mut rows) = (Vec::new(), [0.0; 3], 0.0);
-        let written = predict_rows(model, &Recipe::default(), logs, &Silent, |_, found| {
-            let found = found.predicted;
-            let columns = [&found.measured, &found.predicted, &found.residual, &found.distance, &found.centre_distance];
+        let written = predict_rows(model, &Recipe::default(), logs, &Silent, |_, prediction| {
+            let prediction = prediction.predicted;
+            let columns = [
+                &prediction.measured,
+                &prediction.predicted,
+                &prediction.residual,
+                &prediction.distance,
+                &prediction.centre_distance,
+            ];
             columns
                 .iter()
                 .for_each(|column| column.iter().for_each(|value| bytes.extend(canonical(*value).to_le_bytes())));
-            bytes.extend(found.region.iter().flat_map(|region| region.to_le_bytes()));
-            for (sum, column) in sums.iter_mut().zip([&found.predicted, &found.residual, &found.distance]) {
+            bytes.extend(prediction.region.iter().flat_map(|region| region.to_le_bytes()));
+            for (sum, column) in
+                sums.iter_mut().zip([&prediction.predicted, &prediction.residual, &prediction.distance])
+            {
                 *sum += column.iter().filter(|value| value.is_finite()).sum::<f64>();
             }
-            rows += found.rows as f64;
+            rows += prediction.rows as f64;
             Ok(())
         });
         let written = written.unwrap();
@@ -124,29 +132,31 @@ impl Entry {
     /// Rollouts from measured states.
     pub(super) fn rollouts(&mut self, model: &Model, logs: &[PathBuf]) {
         let options = RolloutOptions::new(HORIZON);
-        let found = rollout(model, &Recipe::default(), logs, &Starts::Even(5), &options, None, None, &Silent);
-        let report = without_later(found.unwrap().to_json());
+        let rollouts = rollout(model, &Recipe::default(), logs, &Starts::Even(5), &options, None, None, &Silent);
+        let report = without_later(rollouts.unwrap().to_json());
         self.report("rollouts", &report);
-        self.told("rollouts: last rmse", &report, &format!("model/rmse/{}/*", HORIZON - 1));
-        self.told("rollouts: diverged", &report, "diverged");
+        self.field("rollouts: last rmse", &report, &format!("model/rmse/{}/*", HORIZON - 1));
+        self.field("rollouts: diverged", &report, "diverged");
     }
 }
 
-/// What users are told of the keys of reports.
+/// Documentation of the keys of reports.
 const KEYS: &str = include_str!("../../../../../docs/reference/reports.md");
 /// Keys whose value has names for keys.
 const BY_NAME: [&str; 3] = ["baselines", "baseline_rmse", "better_than"];
 
 /// Every key of a report stands on the page of keys.
-fn told_of(report: &Value) {
+fn check_documented(report: &Value) {
     match report {
-        Value::Array(all) => all.iter().for_each(told_of),
+        Value::Array(all) => all.iter().for_each(check_documented),
         Value::Object(fields) => {
             for (key, value) in fields {
                 assert!(KEYS.contains(&format!("`{key}`")), "docs/reference/reports.md does not tell of `{key}`");
                 match value {
-                    Value::Object(named) if BY_NAME.contains(&key.as_str()) => named.values().for_each(told_of),
-                    value => told_of(value),
+                    Value::Object(named) if BY_NAME.contains(&key.as_str()) => {
+                        named.values().for_each(check_documented)
+                    }
+                    value => check_documented(value),
                 }
             }
         }
@@ -154,7 +164,7 @@ fn told_of(report: &Value) {
     }
 }
 
-/// What an autoregression that was tried tells since then.
+/// Later entries of a tried autoregression.
 fn drop_front(tried: &mut Value) {
     if let Some(fields) = tried.as_object_mut().filter(|fields| fields.contains_key("rrse")) {
         ["coefficients", "loss", "bic", "front", "chosen"].iter().for_each(|key| drop(fields.remove(*key)));
@@ -211,19 +221,19 @@ pub(super) fn bytes_of(file: &StatisticFile) -> Vec<u8> {
     file.to_bytes().unwrap()
 }
 
-fn collect<'a>(value: &'a Value, place: &str, found: &mut Vec<&'a Value>) {
+fn collect<'a>(value: &'a Value, place: &str, values: &mut Vec<&'a Value>) {
     let (head, rest) = place.split_once('/').unwrap_or((place, ""));
     match value {
-        _ if place.is_empty() => found.push(value),
-        Value::Array(list) if head == "*" => list.iter().for_each(|own| collect(own, rest, found)),
+        _ if place.is_empty() => values.push(value),
+        Value::Array(list) if head == "*" => list.iter().for_each(|item| collect(item, rest, values)),
         Value::Array(list) => {
-            if let Some(own) = head.parse().ok().and_then(|at: usize| list.get(at)) {
-                collect(own, rest, found);
+            if let Some(item) = head.parse().ok().and_then(|at: usize| list.get(at)) {
+                collect(item, rest, values);
             }
         }
         Value::Object(fields) => {
-            if let Some(own) = fields.get(head) {
-                collect(own, rest, found);
+            if let Some(item) = fields.get(head) {
+                collect(item, rest, values);
             }
         }
         _ => {}

@@ -12,7 +12,7 @@ use fleetfoot_recipe::{FilterNoise, FilterSection, FilterSwitching, Recipe, Sett
 use crate::controller::source;
 
 /// Settings, resolved on logs.
-pub(super) struct Asked {
+pub(super) struct ResolvedFilter {
     pub(super) filter: SwitchedFilter,
     pub(super) readings: Reading,
     pub(super) dataset: Dataset,
@@ -39,9 +39,9 @@ pub(super) struct Truth {
 ///
 /// # Errors
 /// Settings that cannot be read, sensors without a deviation, and those of [`SwitchedFilter::new`].
-pub fn filter_of(model: &Model, said: &FilterSection) -> Result<SwitchedFilter, Error> {
+pub fn filter_of(model: &Model, section: &FilterSection) -> Result<SwitchedFilter, Error> {
     let recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
-    let settings = said.clone().over(recipe.filter);
+    let settings = section.clone().over(recipe.filter);
     let measured = measured(settings.measured.as_deref())?;
     if let Some(open) = measured.iter().find(|sensor| sensor.deviation.is_none()) {
         return Err(Error::missing(format!(
@@ -55,7 +55,7 @@ pub fn filter_of(model: &Model, said: &FilterSection) -> Result<SwitchedFilter, 
 }
 
 /// Settings of `[filter]` about a model's states: checked, and in the fields of logs.
-struct Said<'a> {
+struct Signals<'a> {
     model: &'a Model,
     sensors: Vec<Measured>,
     /// Fields of measurements, if they differ from those of the training.
@@ -69,20 +69,20 @@ struct Columns<'a> {
     columns: Vec<Column>,
 }
 
-impl<'a> Said<'a> {
+impl<'a> Signals<'a> {
     fn new(model: &'a Model, settings: &FilterSection, states: &[String]) -> Result<Self, Error> {
         let recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
         // An alias of the recipe, a field, or an expression over fields.
         let meant = |(state, name): (String, String)| (state, source(&recipe, &name));
-        let said = Self {
+        let signals = Self {
             model,
             sensors: measured(settings.measured.as_deref())?,
             fields: named("sensors", settings.sensors.as_deref())?.into_iter().map(meant).collect(),
             truth: named("truth", settings.truth.as_deref())?.into_iter().map(meant).collect(),
         };
-        let all = (said.sensors.iter().map(|sensor| ("measured", &sensor.state)))
-            .chain(said.fields.iter().map(|field| ("sensors", &field.0)))
-            .chain(said.truth.iter().map(|truth| ("truth", &truth.0)));
+        let all = (signals.sensors.iter().map(|sensor| ("measured", &sensor.state)))
+            .chain(signals.fields.iter().map(|field| ("sensors", &field.0)))
+            .chain(signals.truth.iter().map(|truth| ("truth", &truth.0)));
         for (of, state) in all {
             if !states.contains(state) {
                 let problem = format!(
@@ -93,14 +93,14 @@ impl<'a> Said<'a> {
                 return Err(Error::unknown(state, problem));
             }
         }
-        Ok(said)
+        Ok(signals)
     }
 
     /// Field of a state's measurement.
     fn measurement(&self, state: &str) -> String {
-        let said = self.fields.iter().find(|(name, _)| name == state).map(|(_, field)| field.clone());
+        let configured = self.fields.iter().find(|(name, _)| name == state).map(|(_, field)| field.clone());
         let trained = || self.model.column(state).map(|at| self.model.columns[at].source.clone());
-        said.or_else(trained).unwrap_or_else(|| state.to_owned())
+        configured.or_else(trained).unwrap_or_else(|| state.to_owned())
     }
 }
 
@@ -129,7 +129,7 @@ impl<'a> Columns<'a> {
     }
 }
 
-impl Asked {
+impl ResolvedFilter {
     pub(super) fn new(
         model: &Model,
         changes: &Recipe,
@@ -140,23 +140,23 @@ impl Asked {
         let stepper = Stepper::new(model)?;
         let states: Vec<String> = stepper.states().map(str::to_owned).collect();
         let inputs: Vec<String> = stepper.inputs().map(str::to_owned).collect();
-        let mut said = Said::new(model, settings, &states)?;
+        let mut signals = Signals::new(model, settings, &states)?;
         let recipe = Dataset::recipe_of_run(model, changes)?;
-        if said.sensors.is_empty() {
-            let places: Vec<String> = states.iter().map(|state| said.measurement(state)).collect();
+        if signals.sensors.is_empty() {
+            let places: Vec<String> = states.iter().map(|state| signals.measurement(state)).collect();
             let there = Dataset::readable(&recipe, logs, &places)?;
             let all = states.iter().zip(there).filter(|(_, there)| *there);
-            said.sensors = all.map(|(state, _)| Measured { state: state.clone(), deviation: None }).collect();
+            signals.sensors = all.map(|(state, _)| Measured { state: state.clone(), deviation: None }).collect();
         }
-        let sensors = &said.sensors;
+        let sensors = &signals.sensors;
         let names: Vec<String> =
-            sensors.iter().map(|sensor| format!("{}_deviation", said.measurement(&sensor.state))).collect();
+            sensors.iter().map(|sensor| format!("{}_deviation", signals.measurement(&sensor.state))).collect();
         let there = Dataset::readable(&recipe, logs, &names)?;
-        // What the filter reads, and nothing else: states that nobody measures may be missing.
+        // Only the columns that the filter reads: other states may be missing.
         let mut columns = Columns::of(model, &inputs);
         let measured: Vec<String> = sensors
             .iter()
-            .map(|sensor| columns.add("measured", &sensor.state, said.measurement(&sensor.state)))
+            .map(|sensor| columns.add("measured", &sensor.state, signals.measurement(&sensor.state)))
             .collect();
         let deviations: Vec<Option<String>> = (sensors.iter().zip(names).zip(there))
             .map(|((sensor, name), there)| {
@@ -164,7 +164,7 @@ impl Asked {
             })
             .collect();
         let truth: Vec<String> =
-            said.truth.iter().map(|(state, field)| columns.add("true", state, field.clone())).collect();
+            signals.truth.iter().map(|(state, field)| columns.add("true", state, field.clone())).collect();
         let dataset = Dataset::for_filter(model, &columns.columns, changes, logs, progress)?;
         let filter = SwitchedFilter::new(model, &options(settings, sensors.clone())?)?;
         let readings = {
@@ -174,7 +174,7 @@ impl Asked {
                 column_index
                     .ok_or_else(|| Error::unknown(name, format!("the logs have no {name}, which the filter reads")))
             };
-            let truth = said.truth.iter().zip(&truth).map(|((true_state, _), name)| {
+            let truth = signals.truth.iter().zip(&truth).map(|((true_state, _), name)| {
                 let state = states.iter().position(|state| state == true_state).unwrap_or(0);
                 Ok::<_, Error>(Truth { state, column: place(name)? })
             });
@@ -245,7 +245,7 @@ fn options(settings: &FilterSection, measured: Vec<Measured>) -> Result<FilterOp
         process: match &settings.process {
             None => ProcessFactor::default(),
             Some(Tunable::Number(factor)) => ProcessFactor::Given(*factor),
-            Some(Tunable::Word(word)) if word == "auto" => ProcessFactor::Found,
+            Some(Tunable::Word(word)) if word == "auto" => ProcessFactor::Estimated,
             Some(word) => {
                 return Err(Error::value(format!(
                     "{entry}: write a number, or \"auto\"",
@@ -254,7 +254,7 @@ fn options(settings: &FilterSection, measured: Vec<Measured>) -> Result<FilterOp
             }
         },
         noise: match settings.noise.unwrap_or_default() {
-            FilterNoise::Auto => NoiseColour::Found,
+            FilterNoise::Auto => NoiseColour::FromResiduals,
             FilterNoise::White => NoiseColour::White,
             FilterNoise::Coloured => NoiseColour::Coloured,
         },
