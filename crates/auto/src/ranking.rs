@@ -142,17 +142,14 @@ impl Ranking {
         self.tried.push(tried.map(|fitted| Tried { folds: folds.to_vec(), ..fitted }));
     }
 
-    /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold, or within a twentieth.
+    /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold,
+    /// or within a twentieth.
     pub(crate) fn chosen(&self) -> Option<usize> {
         let usable: Vec<usize> = (0..self.candidates.len()).filter(|&at| self.candidates[at].error.is_some()).collect();
         let error = |at: usize| self.candidates[at].error.unwrap_or(f64::INFINITY);
         let best = usable.iter().copied().min_by(|&a, &b| error(a).total_cmp(&error(b)))?;
-        let within = error(best) + self.candidates[best].standard_error.unwrap_or(0.0);
-        let alike = |&at: &usize| {
-            let surely_worse = is_better(&self.candidates[best].folds, &self.candidates[at].folds);
-            // A model whose errors scatter is hardly ever surely worse: its mean must be near, too.
-            !surely_worse && error(at) <= within || error(at) <= ALIKE * error(best)
-        };
+        let folds = |at: usize| &self.candidates[at].folds;
+        let alike = |&at: &usize| !is_better(folds(best), folds(at)) || error(at) <= ALIKE * error(best);
         let key = |at: usize| (self.candidates[at].coefficients, error(at));
         let still = usable.iter().copied().find(|&at| self.candidates[at].name == PERSISTENCE);
         let models = usable.into_iter().filter(|at| Some(*at) != still);
