@@ -6,6 +6,7 @@ orders) and persistence are then simulated from the same rows of the cut-off par
 state, and their mean. Prints a line of JSON a log; FOLDER keeps logs, models and results.
 """
 
+import hashlib
 import json
 import re
 import subprocess
@@ -23,7 +24,7 @@ from sklearn.linear_model import LinearRegression
 STARTS = 50
 NEAR = 20
 LAGS = (1, 2, 4, 8, 16)
-SECONDS = 45
+SECONDS = 180
 
 
 def write(file, table):
@@ -157,7 +158,7 @@ def tried(fleetfoot, folder, recipe, words):
 
 def study(fleetfoot, data, folder, name):
     make, options = auto_logs.all_logs(fleetfoot, data, folder)[name]
-    work = folder / re.sub(r"[^a-z0-9]+", "-", name)
+    work = folder / slug(name)
     (work / "train").mkdir(parents=True, exist_ok=True)
     train, test = cut(make())
     for at, episode in enumerate(train):
@@ -229,9 +230,24 @@ def study(fleetfoot, data, folder, name):
     return result | rivals
 
 
+def kept(fleetfoot, data, folder, name):
+    """The row of a log; that of the same binary and the same scripts is not made twice, so that a run that was ended goes on."""
+    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in (fleetfoot, __file__, auto_logs.__file__))).hexdigest()
+    file = folder / f"{slug(name)}.json"
+    if file.exists() and (row := json.loads(file.read_text()))["by"] == digest:
+        return row
+    row = study(fleetfoot, data, folder, name) | {"by": digest}
+    file.write_text(json.dumps(row))
+    return row
+
+
+def slug(name):
+    return re.sub(r"[^a-z0-9]+", "-", name)
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     fleetfoot, data, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2]), Path(sys.argv[3]).resolve()
     folder.mkdir(parents=True, exist_ok=True)
     for name in sys.argv[4:] or auto_logs.all_logs(fleetfoot, data, folder):
-        print(json.dumps(study(fleetfoot, data, folder, name)), flush=True)
+        print(json.dumps(kept(fleetfoot, data, folder, name)), flush=True)
