@@ -24,7 +24,7 @@ from sklearn.linear_model import LinearRegression
 STARTS = 50
 NEAR = 20
 LAGS = (1, 2, 4, 8, 16)
-SECONDS = 180
+SECONDS = 60
 
 
 def write(file, table):
