@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{
-    Error, FitReport, FitRequest, Model, Objective, Projected, Pwa, Recipe, Report, ReportOptions,
+    Error, FitReport, FitRequest, Model, Projected, Pwa, Recipe, Report, ReportOptions,
     demo::{DemoLogs, differential_drive, gaits, generate_logs},
     dynamics::{RolloutOptions, Starts},
     fit,
@@ -37,12 +37,6 @@ const PARTITIONS: &str = "null,average,zscore:1.5,zscore:4,kmeans:10,kmeans:50";
 const MODEL: &str = "model.json";
 /// The finest of them.
 const FINEST: &str = "kmeans:50";
-/// A model that the paper does not have: regions where maps differ, bounded maps, coefficients of simulations.
-const BOUNDED: &str = "refined:50";
-const BOUND: f64 = 1.0;
-const SIMULATED: Objective = Objective::Steps(20);
-const BOUNDED_MODEL: &str = "bounded.json";
-const BOUNDED_NAME: &str = "refined:50 --stable";
 /// Seconds around a held-out span that do not train: strides repeat.
 const PURGE: f64 = 0.1;
 /// Fig. 8: steps of 1 ms, and starts; fewer where the runs are short, as simulations that overlap more than these tell little more.
@@ -51,7 +45,7 @@ const STARTS: u64 = 1000;
 const ROWS_PER_START: u64 = 40;
 /// The page, and the models on it: the null model is the baseline that all are compared with.
 const PAGE: &str = "report.html";
-const REPORTED: [&str; 4] = ["average", "kmeans:10", "kmeans:50", BOUNDED_NAME];
+const REPORTED: [&str; 3] = ["average", "kmeans:10", "kmeans:50"];
 /// The page of the differential drive (Fig. 9a).
 const DRIVE_PAGE: &str = "drive.html";
 /// Fig. 9: the plane, and cells along each axis.
@@ -66,7 +60,6 @@ pub(super) fn demo(arguments: &args::Demo, context: &Context) -> Result<(), Erro
     let logs = demo.logs(arguments.minutes)?;
     demo.gait(&logs)?;
     demo.fit(&logs)?;
-    demo.fit_bounded(&logs)?;
     demo.horizons(&logs)?;
     demo.planes(&logs)?;
     demo.report(&logs)?;
@@ -212,31 +205,6 @@ impl Demo<'_> {
         Ok(())
     }
 
-    /// Fits the bounded model of refined regions, whose coefficients reduce the errors of simulations.
-    fn fit_bounded(&mut self, logs: &DemoLogs) -> Result<(), Error> {
-        let mut recipe = self.cached(Recipe::read(&logs.training.recipe)?);
-        recipe.model.partition = Some(BOUNDED.to_owned());
-        recipe.pwa.purge = Some(PURGE);
-        recipe.pwa.stable = Some(BOUND);
-        recipe.pwa.objective = Some(SIMULATED);
-        let (recipe_file, path) = (shell_word(&logs.training.recipe.display().to_string()), self.path(BOUNDED_MODEL));
-        let (data, output) = (self.training_data(logs), self.word(BOUNDED_MODEL));
-        let (purge, objective) = (PURGE.to_string(), SIMULATED.to_string());
-        let flags = ["--partition", BOUNDED, "--purge", &purge, "--stable", "--objective", &objective, "-o", &output];
-        self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
-        let bar = self.context.bar();
-        let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), &logs.training_files(), &bar);
-        bar.finish();
-        let fitted = fitted?;
-        fitted.write(&path)?;
-        let report = &fitted.report;
-        self.context.notes(&report.summary().notes);
-        self.tell("table_1_bounded", table_one::TableReport::from(report), || {
-            format!("Not in the paper: {BOUNDED_NAME} --objective {SIMULATED}\n{}", table_one::errors(report))
-        });
-        Ok(())
-    }
-
     /// Simulates every model from states of runs that did not train, with the treadmill's controller around it and with the recorded inputs.
     fn horizons(&mut self, logs: &DemoLogs) -> Result<(), Error> {
         let files = logs.held_out_files();
@@ -275,14 +243,13 @@ impl Demo<'_> {
         Ok(())
     }
 
-    /// Names and files of the models of Table I and of the bounded one.
+    /// Names and files of the models of Table I.
     fn models(&self) -> Result<Vec<(String, PathBuf)>, Error> {
         let path = self.model();
         let list = Specification::parse_list(PARTITIONS)?;
         Ok(list
             .iter()
             .map(|specification| (specification.to_string(), rival_file(&path, &specification.to_string())))
-            .chain([(BOUNDED_NAME.to_owned(), self.path(BOUNDED_MODEL))])
             .collect())
     }
 
@@ -373,7 +340,7 @@ impl Demo<'_> {
         let folder = shell_word(&self.folder.display().to_string());
         self.command(&words(&["show", &self.word(MODEL)]));
         self.context.say(format!(
-            "\nin {folder}: report.html, drive.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, bounded.json, differential_drive.json, plane_*.parquet"
+            "\nin {folder}: report.html, drive.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
         ));
         if self.context.json {
             self.results.insert("folder".into(), self.folder.display().to_string().into());

@@ -37,7 +37,7 @@ pub(super) fn to_text(fitted: &PwaReport) -> String {
 }
 
 /// The rows of the candidates, and the scale of the errors.
-pub(super) fn errors(fitted: &PwaReport) -> String {
+fn errors(fitted: &PwaReport) -> String {
     let identification = &fitted.identification;
     // Accelerations, without the room that "d()/dt" takes.
     let names: Vec<String> = identification.model.fitted().map(|equation| format!("{}'", equation.subject)).collect();
