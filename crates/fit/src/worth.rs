@@ -57,10 +57,11 @@ pub(crate) fn verdict(
     let last = |name: &str| by_time.into_iter().flat_map(|errors| &errors.targets).find(|error| error.target == name);
     let worse = |(name, share): (String, f64)| {
         let share = last(&name).map_or(share, |error| share.max(error.share));
-        (name, share.max(0.0).sqrt())
+        // Of rounding errors R2 may be above 1; an unknown share stays unknown.
+        (name, if share < 0.0 { 0.0 } else { share.sqrt() })
     };
-    let mut errors: Vec<(String, f64)> =
-        targets.into_iter().map(worse).filter(|(_, error)| error.is_finite()).collect();
+    let known = |(_, error): &(String, f64)| error.is_finite();
+    let mut errors: Vec<(String, f64)> = targets.into_iter().map(worse).filter(known).collect();
     errors.sort_by(|a, b| a.1.total_cmp(&b.1));
     let word = |(name, error): &(String, f64)| format!("{} ({name})", ratio(*error));
     let range = match errors.as_slice() {
