@@ -60,7 +60,7 @@ pub(crate) fn verdict(
         // Of rounding errors R2 may be above 1; an unknown share stays unknown.
         (name, if share < 0.0 { 0.0 } else { share.sqrt() })
     };
-    let known = |(_, error): &(String, f64)| error.is_finite();
+    let known = |(_, error): &(String, f64)| !error.is_nan();
     let mut errors: Vec<(String, f64)> = targets.into_iter().map(worse).filter(known).collect();
     errors.sort_by(|a, b| a.1.total_cmp(&b.1));
     let word = |(name, error): &(String, f64)| format!("{} ({name})", ratio(*error));
