@@ -48,7 +48,7 @@ impl DetectedRuns {
                 true => format!("{place}{}", glob::Pattern::escape(name)),
                 false => format!("{place}{}*.{ending}", glob::Pattern::escape(word)),
             };
-            // Files of equal names are told apart by their folders.
+            // The folder distinguishes files of equal names.
             let described =
                 if words.len() < named.len() && !below.is_empty() { below.join("_") } else { (*word).to_owned() };
             let topic: String =

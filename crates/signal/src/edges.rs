@@ -61,7 +61,7 @@ impl Edge {
 
 /// The line between the clocks of two records of one square wave; what the first shows at t, the second shows at `line.second(t)`.
 ///
-/// A wave need not be regular. If it is, offsets that differ by whole periods cannot be told apart; the one nearest to `within.about` is taken, and the others are told.
+/// A wave need not be regular. If it is, offsets that differ by whole periods fit equally well; the one nearest to `within.about` is taken, and the others are reported.
 ///
 /// # Errors
 /// Stamps that do not increase, records without a wave, fewer than two edges that both saw, a reach or a skew that are not positive, edges that are not even where `even` says that they are.

@@ -29,7 +29,7 @@ fn tables_of_transitions_print_as_text() {
         text.lines().skip_while(|line| !line.contains("separate maps of neighbours")).skip(2).collect();
     assert_eq!(pairs[0].split_whitespace().collect::<Vec<_>>()[..6], ["0", "4", "12.5", "3", "0.04", "0.04"], "{text}");
     assert_eq!(pairs.len(), 2, "{text}");
-    // Regions that were drawn by their maps are told apart by them: that is said.
+    // Regions drawn by their maps differ in them by construction; a note says so.
     model.partitions[0].specification = "refined:5".into();
     let refined = describe_transitions(&model, false).expect("counted");
     assert!(refined.contains("chosen on the same rows") && !text.contains("chosen on the same rows"));

@@ -190,7 +190,7 @@ fn information_of_the_noise_matches_dense_algebra() {
     let mut problem = problem(&recordings.each_ref().map(Recording::run), &options);
     problem.descend(STEPS).unwrap();
     let (matrix, right) = rows(&problem);
-    // Rows of positions, attitudes and walks: those of what is known of the constants come first, then node by node biases at the first, six of the pose, fifteen of the readings.
+    // Rows of positions, attitudes and walks. The priors of the constants come first. Each node follows: biases (at the first node), six rows of the pose, fifteen of the readings.
     let known = problem.border_rows(&problem.border).len();
     let (mut parts, mut at) = (vec![DVector::zeros(right.len()); 4], known);
     for track in &problem.tracks {
