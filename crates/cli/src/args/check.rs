@@ -17,7 +17,7 @@ pub(crate) struct Check {
     pub(crate) recipe: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) time: TimeArgs,
-    /// Exit code 1 for any fault.
+    /// Exit code 1 if there are findings.
     #[arg(long)]
     pub(crate) strict: bool,
 }
