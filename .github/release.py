@@ -47,16 +47,16 @@ def version() -> str:
 
 def section(text: str, heading: str) -> str | None:
     """The lines below `## HEADING` of a changelog, without the heading; a date may follow the heading."""
-    found = re.search(rf"^## {re.escape(heading)}(?: [^\n]*)?\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
-    return found and found[1].strip() + "\n"
+    match = re.search(rf"^## {re.escape(heading)}(?: [^\n]*)?\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    return match and match[1].strip() + "\n"
 
 
 def file_version(name: str) -> str:
     """The version that a file repeats."""
-    found = re.search(r'^ *version: "?([0-9][^"\s]*)"?$', (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
-    if not found:
+    match = re.search(r'^ *version: "?([0-9][^"\s]*)"?$', (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
+    if not match:
         raise Fault(f"{name}: no line `version: ...`")
-    return found[1]
+    return match[1]
 
 
 def targets() -> list[str]:
@@ -79,12 +79,12 @@ def binary_name(target: str) -> str:
 
 def binstall(target: str, repository: str) -> tuple[str, str]:
     """The address and the binary inside the archive that `cargo binstall` expects for a target."""
-    own = package("fleetfoot-cli")
-    table = own["metadata"]["binstall"]
+    manifest = package("fleetfoot-cli")
+    table = manifest["metadata"]["binstall"]
     table = {**table, **table.get("overrides", {}).get(target, {})}
     values = {
         "repo": repository,
-        "version": own["version"],
+        "version": manifest["version"],
         "target": target,
         "bin": "fleetfoot",
         "binary-ext": ".exe" if "windows" in target else "",
@@ -101,10 +101,10 @@ def numbers(text: str) -> tuple[int, ...]:
 def newer_compilers() -> list[str]:
     """Crates that need a newer compiler than `rust-version` of the workspace."""
     packages = metadata("--all-features")["packages"]
-    own = next(one["rust_version"] for one in packages if one["name"] == "fleetfoot-cli")
-    newer = [one for one in packages if one["rust_version"] and numbers(one["rust_version"]) > numbers(own)]
+    minimum = next(one["rust_version"] for one in packages if one["name"] == "fleetfoot-cli")
+    newer = [one for one in packages if one["rust_version"] and numbers(one["rust_version"]) > numbers(minimum)]
     return [
-        f"{one['name']} {one['version']} needs Rust {one['rust_version']}, and Cargo.toml says {own}: "
+        f"{one['name']} {one['version']} needs Rust {one['rust_version']}, and Cargo.toml says {minimum}: "
         f'write `rust-version = "{one["rust_version"]}"` or take another version of the crate'
         for one in newer
     ]
@@ -112,32 +112,32 @@ def newer_compilers() -> list[str]:
 
 def faults(tag: str | None, repository: str | None) -> list[str]:
     """Everything that keeps the checkout from being released; without a tag: that keeps it from being consistent."""
-    own = version()
-    found = newer_compilers()
+    current = version()
+    problems = newer_compilers()
     for name in ("CITATION.cff", "conda/recipe.yaml"):
-        if file_version(name) != own:
-            found.append(f"{name}: version {file_version(name)}, and Cargo.toml says {own}: write {own}")
+        if file_version(name) != current:
+            problems.append(f"{name}: version {file_version(name)}, and Cargo.toml says {current}: write {current}")
     for name in LICENCES:
         if (ROOT / name).read_bytes() != (ROOT / "crates/py" / name).read_bytes():
-            found.append(f"crates/py/{name} differs from {name}: copy it anew")
+            problems.append(f"crates/py/{name} differs from {name}: copy it anew")
     address = repository or "https://example.org/fleetfoot"
     for target in targets():
-        expected = f"{address}/releases/download/v{own}/{archive_name(target)}", f"{stem(target)}/{binary_name(target)}"
+        expected = f"{address}/releases/download/v{current}/{archive_name(target)}", f"{stem(target)}/{binary_name(target)}"
         if binstall(target, address) != expected:
-            found.append(f"crates/cli/Cargo.toml: binstall looks for {binstall(target, address)}, the release has {expected}")
+            problems.append(f"crates/cli/Cargo.toml: binstall looks for {binstall(target, address)}, the release has {expected}")
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     if tag is None:
-        if section(changelog, "Unreleased") is None and section(changelog, own) is None:
-            found.append(f"CHANGELOG.md: no section `## Unreleased` or `## {own}`")
-        return found
-    if tag != f"v{own}":
-        found.append(f"the tag is {tag}, and Cargo.toml says {own}: tag v{own} or write the version into Cargo.toml")
-    if not (section(changelog, own) or "").strip():
-        found.append(f"CHANGELOG.md: no section `## {own}`: rename `## Unreleased`")
+        if section(changelog, "Unreleased") is None and section(changelog, current) is None:
+            problems.append(f"CHANGELOG.md: no section `## Unreleased` or `## {current}`")
+        return problems
+    if tag != f"v{current}":
+        problems.append(f"the tag is {tag}, and Cargo.toml says {current}: tag v{current} or write the version into Cargo.toml")
+    if not (section(changelog, current) or "").strip():
+        problems.append(f"CHANGELOG.md: no section `## {current}`: rename `## Unreleased`")
     if package("fleetfoot-cli")["repository"] != repository:
         said = package("fleetfoot-cli")["repository"]
-        found.append(f"crates/cli/Cargo.toml: repository is {said}: write `repository = \"{repository}\"` below [package]")
-    return found
+        problems.append(f"crates/cli/Cargo.toml: repository is {said}: write `repository = \"{repository}\"` below [package]")
+    return problems
 
 
 def files_of_archive(binary: Path, target: str, folder: Path) -> None:

@@ -41,9 +41,9 @@ class Release(unittest.TestCase):
         self.assertEqual(release.faults(None, None), [])
 
     def test_wrong_tags_and_repositories_are_faults(self) -> None:
-        found = "\n".join(release.faults("v9.9.9", "https://example.org/other"))
-        self.assertIn(f"tag v{release.version()}", found)
-        self.assertIn('write `repository = "https://example.org/other"`', found)
+        messages = "\n".join(release.faults("v9.9.9", "https://example.org/other"))
+        self.assertIn(f"tag v{release.version()}", messages)
+        self.assertIn('write `repository = "https://example.org/other"`', messages)
 
     def test_sections_of_the_changelog(self) -> None:
         self.assertEqual(release.section(CHANGELOG, "0.2.0"), "### Added\n\n- old\n")

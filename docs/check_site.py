@@ -31,7 +31,7 @@ class Page(HTMLParser):
         if tag == "a" and "href" in given:
             self.links.append(given["href"])
         loads = tag == "link" and given.get("rel") in ("stylesheet", "preload", "icon", "modulepreload")
-        self.loaded += [given["href"]] if loads else [given[name] for own, name in LOADED if own == tag and name in given]
+        self.loaded += [given["href"]] if loads else [given[name] for element, name in LOADED if element == tag and name in given]
 
 
 #: Pages that another listed page stands for: those of Sphinx, and those in the list of their own index.
@@ -41,21 +41,21 @@ UNLISTED = re.compile(r"(genindex|search|py-modindex|decisions/\d.*|gallery/plot
 def unlisted(text: str, pages: set[str]) -> list[str]:
     """Pages that `llms.txt` lists and the site lacks, and pages of the site that it does not list with a sentence."""
     entries = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", text, re.MULTILINE)
-    found = [f"llms.txt: {page}: there is no such page" for page in entries if page not in pages]
-    found += [f"llms.txt: {page} is listed twice" for page in sorted(set(entries)) if entries.count(page) > 1]
+    messages = [f"llms.txt: {page}: there is no such page" for page in entries if page not in pages]
+    messages += [f"llms.txt: {page} is listed twice" for page in sorted(set(entries)) if entries.count(page) > 1]
     wanted = {page for page in pages if not UNLISTED.fullmatch(page.removesuffix(".html"))}
     missing = sorted(wanted - set(entries))
-    return found + [f"llms.txt: {page} is missing: add `- [TITLE]({page}): A SENTENCE.` to docs/llms.txt" for page in missing]
+    return messages + [f"llms.txt: {page} is missing: add `- [TITLE]({page}): A SENTENCE.` to docs/llms.txt" for page in missing]
 
 
 def problems(root: Path) -> list[str]:
     # Rust's documentation is rustdoc's own, and the theme keeps its templates beside its files.
     paths = [path.resolve() for path in root.rglob("*.html") if not {"rust", "_static"} & set(path.relative_to(root).parts)]
     pages = {path: Page(path) for path in paths}
-    found = []
+    messages = []
     for path, page in pages.items():
         place = path.relative_to(root.resolve())
-        found += [f"{place} loads {url}" for url in page.loaded if urlsplit(url).scheme in ("http", "https")]
+        messages += [f"{place} loads {url}" for url in page.loaded if urlsplit(url).scheme in ("http", "https")]
         for link in page.links + page.loaded:
             parts = urlsplit(link)
             if parts.scheme or parts.netloc or link.startswith("#!"):
@@ -64,16 +64,16 @@ def problems(root: Path) -> list[str]:
             if "rust" in target.relative_to(root.resolve()).parts[:1] and not (root / "rust").is_dir():
                 continue
             if not target.exists():
-                found.append(f"{place}: {link}: there is no such file")
+                messages.append(f"{place}: {link}: there is no such file")
             elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].anchors:
-                found.append(f"{place}: {link}: there is no such place in the page")
+                messages.append(f"{place}: {link}: there is no such place in the page")
     names = {path.relative_to(root).as_posix() for path in root.rglob("*.html")}
-    found += unlisted((root / "llms.txt").read_text(encoding="utf-8"), names)
+    messages += unlisted((root / "llms.txt").read_text(encoding="utf-8"), names)
     for style in root.rglob("*.css"):
         if "rust" not in style.relative_to(root).parts:
             urls = re.findall(r"url\(\s*[\"']?(https?://[^)\"']+)", style.read_text(encoding="utf-8"))
-            found += [f"{style.relative_to(root)} loads {url}" for url in urls]
-    return found
+            messages += [f"{style.relative_to(root)} loads {url}" for url in urls]
+    return messages
 
 
 if __name__ == "__main__":

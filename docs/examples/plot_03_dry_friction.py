@@ -32,9 +32,9 @@ v = np.linspace(measured.min(), measured.max(), 400)
 points = np.column_stack([v, np.zeros_like(v)])
 region = np.asarray(pwa.model_.region(v[:, None], np.zeros((len(v), 1))))
 for index in np.unique(region):
-    own = v[region == index]
+    speeds = v[region == index]
     constant, slope, gain = pwa.coefficients(region=int(index))[0]
-    axes.plot(own, -(constant + slope * own) / gain, lw=2.5, label=f"region {index}: mass {1 / gain:.2f} kg")
+    axes.plot(speeds, -(constant + slope * speeds) / gain, lw=2.5, label=f"region {index}: mass {1 / gain:.2f} kg")
 axes.set(xlabel="speed [m/s]", ylabel="friction [N]")
 axes.legend(frameon=False)
 plt.show()

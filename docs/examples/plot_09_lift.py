@@ -26,10 +26,10 @@ alpha = np.linspace(0.0, 0.12, 100)
 figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
 for mach, colour in ((0.4, "tab:blue"), (0.6, "tab:orange"), (0.78, "tab:green")):
     names = {"alpha": alpha, "M": mach, "q": 1.0, "np": np}
-    found = sum(value * eval(name.replace("^", "**"), names) for name, value in lift.items())
+    estimate = sum(value * eval(name.replace("^", "**"), names) for name, value in lift.items())
     true = 25 + 559.7 * alpha + 301.8 * alpha * mach**2 + 18.95 * mach**3
     axes.plot(alpha, true * np.ones_like(alpha), color=colour, lw=5, alpha=0.3)
-    axes.plot(alpha, found * np.ones_like(alpha), color=colour, label=f"Mach {mach}")
+    axes.plot(alpha, estimate * np.ones_like(alpha), color=colour, label=f"Mach {mach}")
 axes.set(xlabel="angle of attack [rad]", ylabel="lift over dynamic pressure [m²]", title="thin: found, wide: true (mean of the fleet)")
 axes.legend(frameon=False)
 plt.show()

@@ -23,18 +23,18 @@ def log(rows, dt=0.005):
     return np.arange(rows) * dt, rate, slope, command
 
 
-lengths, found, errors = [500, 1000, 2000, 4000, 8000, 16000], [], []
+lengths, estimates, errors = [500, 1000, 2000, 4000, 8000, 16000], [], []
 for rows in lengths:
     t, rate, slope, command = log(rows)
     sindy = ff.SINDy(library=["identity", "lag1(u, tau)"], parameters={"tau": {"initial": 0.03, "bounds": [0.01, 0.3]}})
     sindy.fit(rate[:, None], t, x_dot=slope[:, None], u=command[:, None], feature_names=["w"], input_names=["u"])
     tau = sindy.report_["parameters"][0]
-    found.append(tau["value"])
+    estimates.append(tau["value"])
     errors.append(tau["standard_error"])
 
 # %%
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-axes.errorbar(lengths, 1e3 * np.array(found), yerr=2e3 * np.array(errors), fmt="o", capsize=4, label="found, two standard errors")
+axes.errorbar(lengths, 1e3 * np.array(estimates), yerr=2e3 * np.array(errors), fmt="o", capsize=4, label="found, two standard errors")
 axes.axhline(70, color="0.6", ls="--", label="true")
 axes.set(xscale="log", xlabel="rows of the log", ylabel="lag [ms]")
 axes.legend(frameon=False)

@@ -14,13 +14,13 @@ import fleetfoot as ff
 
 folder = Path(os.environ.get("FLEETFOOT_GALLERY", "gallery-data"))
 kinds = ["multisine", "prbs", "random-walk", "random-steps", "ornstein-uhlenbeck", "pink"]
-told = {}
+information = {}
 for kind in kinds:
     made = ff.generate("diffdrive", folder / f"drive_{kind}", seconds=20, excitation=kind, seed=1, force=True)
-    told[kind] = made.excitation["log_determinant"]
+    information[kind] = made.excitation["log_determinant"]
 
-names = sorted(told, key=told.get)
+names = sorted(information, key=information.get)
 figure, axes = plt.subplots(figsize=(7, 3.6), layout="constrained")
-axes.barh([name.replace("-", " ") for name in names], [told[name] - min(told.values()) for name in names])
+axes.barh([name.replace("-", " ") for name in names], [information[name] - min(information.values()) for name in names])
 axes.set_xlabel("log-determinant of the regressors, a row, above that of the least")
 plt.show()

@@ -23,9 +23,9 @@ for k in range(rows - 1):
     y[k + 1] = step + 0.1 * random.standard_normal()
 
 # Orders up to two lags of either and degree 3, each with every partition.
-found = ff.NARX(2, 2, 3, order="auto", terms="all", select="bic", partition=["average", "refined:2..6"], partition_on=["y", "u"])
-found.fit(y[:, None], dt=1.0, u=u[:, None], feature_names=["y"], input_names=["u"])
-tried = found.report_["tried"]
+narx = ff.NARX(2, 2, 3, order="auto", terms="all", select="bic", partition=["average", "refined:2..6"], partition_on=["y", "u"])
+narx.fit(y[:, None], dt=1.0, u=u[:, None], feature_names=["y"], input_names=["u"])
+tried = narx.report_["tried"]
 
 # %%
 # The front: models that no model of as few coefficients beats.
@@ -33,9 +33,9 @@ front = sorted((model for model in tried if model["front"]), key=lambda model: m
 chosen = next(model for model in tried if model["chosen"])
 figure, (errors, criterion) = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
 for degree in (1, 2, 3):
-    own = [model for model in tried if model["order"]["degree"] == degree]
+    models = [model for model in tried if model["order"]["degree"] == degree]
     for axes, value in ((errors, "loss"), (criterion, "bic")):
-        axes.plot([model["coefficients"] for model in own], [model[value] for model in own], "o", ms=4, alpha=0.7, label=f"degree {degree}")
+        axes.plot([model["coefficients"] for model in models], [model[value] for model in models], "o", ms=4, alpha=0.7, label=f"degree {degree}")
 errors.plot([model["coefficients"] for model in front], [model["loss"] for model in front], color="0.4", lw=1, zorder=0, label="front")
 errors.set(xscale="log", yscale="log", xlabel="coefficients", ylabel="squared error over variance, rows that did not train")
 criterion.set(xscale="log", xlabel="coefficients", ylabel="BIC")

@@ -58,9 +58,9 @@ def draw(log: dict[str, np.ndarray], theme: str) -> None:
     grid = np.linspace(smooth[:last].min(), smooth[:last].max(), 400)
     region = np.asarray(model.region(np.column_stack([np.zeros_like(grid), grid]), np.zeros((len(grid), 1))))
     for index, colour in zip((0, 1), colours, strict=True):
-        own = grid[region == index]
+        speeds = grid[region == index]
         constant, *_, slope, gain = model.coefficients(region=index)[-1]
-        left.plot(own, -GAIN * (constant + slope * own) / gain, color=colour, lw=2.2, label=f"region {index}: {masses[index]:.1f} kg")
+        left.plot(speeds, -GAIN * (constant + slope * speeds) / gain, color=colour, lw=2.2, label=f"region {index}: {masses[index]:.1f} kg")
     left.set(xlabel="speed [m/s]", ylabel="friction [N]", ylim=(-90, 90))
     left.legend(frameon=False, loc="upper left")
     left.set_title("two regions, found by k-means", fontsize=9)

@@ -99,8 +99,8 @@ def path_case(name: str, arguments: dict[str, Any], picks: tuple[int, ...], tole
             import importlib
 
             X, y = arrays["X"], arrays["y"] - arrays["y"].mean()
-            found = getattr(importlib.import_module(module), name)(X, y, **arguments)
-            return {str(at): np.asarray(found[at]) for at in picks}
+            path = getattr(importlib.import_module(module), name)(X, y, **arguments)
+            return {str(at): np.asarray(path[at]) for at in picks}
 
         return run
 
@@ -128,8 +128,8 @@ def kmeans(module: str) -> Callable[[dict[str, np.ndarray]], Answer]:
         import importlib
 
         KMeans = importlib.import_module(module).KMeans
-        found = KMeans(n_clusters=50, init=arrays["start"], n_init=1, max_iter=25, tol=0.0).fit(arrays["X"])
-        return {"cluster_centers_": found.cluster_centers_, "inertia_": found.inertia_}
+        clustering = KMeans(n_clusters=50, init=arrays["start"], n_init=1, max_iter=25, tol=0.0).fit(arrays["X"])
+        return {"cluster_centers_": clustering.cluster_centers_, "inertia_": clustering.inertia_}
 
     return run
 
@@ -173,15 +173,15 @@ def pwa_theirs(arrays: dict[str, np.ndarray], n_regions: int = 10) -> Answer:
 def gram_ours(arrays: dict[str, np.ndarray]) -> Answer:
     import fleetfoot as ff
 
-    found = ff.lars_path_gram(arrays["Xy"], arrays["G"], n_samples=int(arrays["n"]), method="lasso")
-    return {str(at): np.asarray(found[at]) for at in (0, 2)}
+    path = ff.lars_path_gram(arrays["Xy"], arrays["G"], n_samples=int(arrays["n"]), method="lasso")
+    return {str(at): np.asarray(path[at]) for at in (0, 2)}
 
 
 def gram_theirs(arrays: dict[str, np.ndarray]) -> Answer:
     from sklearn.linear_model import lars_path_gram
 
-    found = lars_path_gram(arrays["Xy"].copy(), arrays["G"].copy(), n_samples=int(arrays["n"]), method="lasso")
-    return {str(at): np.asarray(found[at]) for at in (0, 2)}
+    path = lars_path_gram(arrays["Xy"].copy(), arrays["G"].copy(), n_samples=int(arrays["n"]), method="lasso")
+    return {str(at): np.asarray(path[at]) for at in (0, 2)}
 
 
 def gram(rows: int) -> dict[str, np.ndarray]:
@@ -280,12 +280,12 @@ def shape_cases() -> dict[str, Case]:
 
         return run
 
-    found = {}
+    cases = {}
     for rows, columns in SHAPES:
         for order in "CF":
             for name in options:
                 folds = 3 if columns >= 1_000 or rows * columns >= 100_000_000 else 10
-                found[f"{name} {rows}x{columns} {order}"] = Case(
+                cases[f"{name} {rows}x{columns} {order}"] = Case(
                     f"scikit-learn `{name}`, {folds} folds",
                     of_shape(rows, columns, order),
                     of("fleetfoot", name, folds),
@@ -293,7 +293,7 @@ def shape_cases() -> dict[str, Case]:
                     1e-2,
                     "their duality gap of 1e-4",
                 )
-    return found
+    return cases
 
 
 def wide_cases() -> dict[str, Case]:
@@ -304,14 +304,14 @@ def wide_cases() -> dict[str, Case]:
         "LassoLars": ({"alpha": 0.05}, 1e-8),
         "Lars": ({"n_nonzero_coefs": 100}, 1e-8),
     }
-    found = {}
+    cases = {}
     for rows, columns in [(300, 1_000), (5_000, 2_000), (5_000, 10_000)]:
         for order in "CF":
             data = of_shape(rows, columns, order)
             for name, (arguments, tolerance) in fits.items():
-                found[f"{name} {rows}x{columns} {order}"] = sklearn_case(name, arguments, data, ("coef_", "intercept_"), tolerance)
-    found["STLSQ 5000x2000 C"] = wide_threshold()
-    found["PWARegressor 5000x2000 C"] = Case(
+                cases[f"{name} {rows}x{columns} {order}"] = sklearn_case(name, arguments, data, ("coef_", "intercept_"), tolerance)
+    cases["STLSQ 5000x2000 C"] = wide_threshold()
+    cases["PWARegressor 5000x2000 C"] = Case(
         "scikit-learn `KMeans` and `LinearRegression`",
         of_shape(5_000, 2_000, "C"),
         lambda arrays: pwa_ours(arrays, n_regions=2),
@@ -320,7 +320,7 @@ def wide_cases() -> dict[str, Case]:
         "other starts of k-means, and 2,500 rows for 2,000 features",
     )
     few = {"n_estimators": 4, "alpha": 0.1}
-    found["Bolasso 5000x2000 C"] = Case(
+    cases["Bolasso 5000x2000 C"] = Case(
         "4 times scikit-learn `LassoLars`",
         of_shape(5_000, 2_000, "C"),
         lambda arrays: bolasso_ours(arrays, **few),
@@ -328,7 +328,7 @@ def wide_cases() -> dict[str, Case]:
         1.0,
         "other draws",
     )
-    return found
+    return cases
 
 
 def wide_threshold() -> Case:

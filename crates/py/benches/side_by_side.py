@@ -117,19 +117,19 @@ def compared(name: str, arguments: argparse.Namespace) -> tuple[str, float | Non
     case = CASES[name]
     with tempfile.TemporaryDirectory() as folder:
         size = written(name, arguments, Path(folder))
-        found, running = pairs(name, folder, arguments)
+        sides, running = pairs(name, folder, arguments)
         off = None
-        if found["ours"] and found["theirs"]:
+        if sides["ours"] and sides["theirs"]:
             off = difference(*(dict(np.load(Path(folder) / f"{name}.{who}.npz")) for who in ("ours", "theirs")))
     cells = []
     for clock in ("seconds", "processor"):
-        times = {who: [fit[clock] for fit in fits] for who, fits in found.items()}
+        times = {who: [fit[clock] for fit in fits] for who, fits in sides.items()}
         for who in ("ours", "theirs"):
             none = f"> {arguments.limit:g}" if who == running else "-"
             cells.append(f"{statistics.median(times[who]):.4g}" if times[who] else none)
         ratios = [theirs / max(ours, 1e-9) for ours, theirs in zip(times["ours"], times["theirs"], strict=False)]
         cells.append(f"{statistics.median(ratios):.2f}" if ratios else "-")
-    cells += [f"{max(fit['bytes'] for fit in found[who]) / 2**20:.0f}" if found[who] else "-" for who in ("ours", "theirs")]
+    cells += [f"{max(fit['bytes'] for fit in sides[who]) / 2**20:.0f}" if sides[who] else "-" for who in ("ours", "theirs")]
     cells.append("-" if off is None else f"{off:.1e}")
     return f"| `{name}` | {case.peer} | {size} | {' | '.join(cells)} |", off
 
@@ -147,13 +147,13 @@ def pairs(name: str, folder: str, arguments: argparse.Namespace) -> tuple[dict[s
     running = ""
     try:
         done = subprocess.run(command, capture_output=True, timeout=arguments.limit)
-        told = done.stdout
+        output = done.stdout
         if done.returncode != 0:
             raise SystemExit(done.stderr.decode())
     except subprocess.TimeoutExpired as late:
-        told = late.stdout or b""
-        running = "theirs" if told.count(b"\n") == 1 else "ours"
-    fits = [json.loads(line) for line in told.decode().splitlines()]
+        output = late.stdout or b""
+        running = "theirs" if output.count(b"\n") == 1 else "ours"
+    fits = [json.loads(line) for line in output.decode().splitlines()]
     return {who: [fit for fit in fits if fit["who"] == who] for who in ("ours", "theirs")}, running
 
 
@@ -195,9 +195,9 @@ def interrupted(name: str, arguments: argparse.Namespace) -> str:
                     time.sleep(moment * seconds)
                     child.send_signal(signal.SIGINT)
                     sent = time.monotonic()
-                    told = next((json.loads(line) for line in child.stdout if line.startswith("{")), None)
-                    if told is not None and not told["finished"]:
-                        waited.append(told["at"] - sent)
+                    report = next((json.loads(line) for line in child.stdout if line.startswith("{")), None)
+                    if report is not None and not report["finished"]:
+                        waited.append(report["at"] - sent)
             finally:
                 watchdog.cancel()
                 child.kill()

@@ -44,8 +44,8 @@ def main(folder: Path) -> None:
     print(f"{len(several.model_.regions)} regions were chosen")
 
     # Both on rows that trained neither, beside what costs nothing.
-    found = ff.compare({"affine": one, "piecewise": several}, ff.open(held_out, recipe=RECIPE))
-    print(found)
+    comparison = ff.compare({"affine": one, "piecewise": several}, ff.open(held_out, recipe=RECIPE))
+    print(comparison)
 
     model = several.model_
     ff.plot.region_map(model, held_out, "v", "w").figure.savefig(folder / "regions.png", dpi=120)

@@ -61,10 +61,10 @@ pub(crate) fn leave_one_out(
     let mut initial = refit(&structure, &scan.roots, &assembly, &(0..structure.coefficients()).collect::<Vec<_>>())?;
     for k in 0..nonlinear.min(count) {
         let flight = k * count / nonlinear.min(count);
-        let found = nonlinear::fit(&Without::new(source, flight), &initial, variances)?;
-        unconverged += usize::from(!found.status.converged());
-        flights[flight].nonlinear = Some(errors(source, flight, &found.values)?);
-        initial = found.values;
+        let fit = nonlinear::fit(&Without::new(source, flight), &initial, variances)?;
+        unconverged += usize::from(!fit.status.converged());
+        flights[flight].nonlinear = Some(errors(source, flight, &fit.values)?);
+        initial = fit.values;
     }
     Ok(Errors { flights, bolasso_time, nonlinear_time: began.elapsed(), unconverged })
 }

@@ -45,15 +45,15 @@ pub(crate) fn estimate(
     arguments: &Arguments,
 ) -> Result<Vec<Hidden>, Failure> {
     let structure = scan.plan.regression.structure();
-    let mut found = Vec::new();
+    let mut estimates = Vec::new();
     for &lambda_t in strengths {
         let assembly = equations::assembly(&scan.scanned, lambda_t)?;
         let (_, lambda) = scan.choose(&assembly, arguments)?;
         let (selection, theta) = scan.bolasso(source, &assembly, lambda, arguments)?;
         let described = describe(source, &theta, shown, format!("bolasso, lambda_t = {lambda_t}"))?;
-        found.push(Hidden { lambda: Some(lambda), ..described });
+        estimates.push(Hidden { lambda: Some(lambda), ..described });
         if lambda_t == 0.0 {
-            found.push(constrained(source, scan, &selection.support, shown)?);
+            estimates.push(constrained(source, scan, &selection.support, shown)?);
         }
     }
     let all: Vec<usize> = (0..structure.coefficients()).collect();
@@ -70,8 +70,8 @@ pub(crate) fn estimate(
     } else {
         "nonlinear least squares (not converged)"
     };
-    found.push(describe(source, &nonlinear.values, shown, method.into())?);
-    Ok(found)
+    estimates.push(describe(source, &nonlinear.values, shown, method.into())?);
+    Ok(estimates)
 }
 
 /// No prior, the functions that the bolasso selected without one, and drag at least 0 at every row.

@@ -23,8 +23,8 @@ impl Rows<'_> {
     /// The latents that the coefficients theta (45) say.
     pub(crate) fn latents(&self, theta: &[f64]) -> Result<Latents, Failure> {
         let mut first = 0;
-        let mut found = Latents::default();
-        for (latent, values) in Latent::ALL.into_iter().zip(&mut found) {
+        let mut latents = Latents::default();
+        for (latent, values) in Latent::ALL.into_iter().zip(&mut latents) {
             let powers = latent.powers();
             let theta = &theta[first..first + powers.len()];
             first += powers.len();
@@ -37,7 +37,7 @@ impl Rows<'_> {
             };
             *values = (0..self.block.rows).map(at).collect();
         }
-        Ok(found)
+        Ok(latents)
     }
 
     /// Mean squared errors of V', gamma' and m' (26)-(29) with these latents, beside the recorded derivatives.

@@ -104,9 +104,9 @@ fn main() -> Result<(), Failure> {
             tables::errors(&arguments.output.join("figure3.parquet"), &left)?;
             report::errors(&left);
             let shown = source.episodes().len() / 2;
-            let found = hidden::estimate(&source, &scan, &[0.0, 10.0, 100.0, 1000.0], shown, &arguments)?;
-            tables::latents(&arguments.output.join("figure5.parquet"), &source, shown, &found)?;
-            report::hidden(&found);
+            let estimates = hidden::estimate(&source, &scan, &[0.0, 10.0, 100.0, 1000.0], shown, &arguments)?;
+            tables::latents(&arguments.output.join("figure5.parquet"), &source, shown, &estimates)?;
+            report::hidden(&estimates);
         }
         fleet.push(aircraft);
     }

@@ -21,7 +21,7 @@ pub(crate) struct Times {
 pub(crate) fn line(aircraft: &Aircraft) -> String {
     let truth = |j: &usize| aircraft.truth[*j] != 0.0;
     let support = &aircraft.selection.support;
-    let found = support.iter().copied().filter(|j| truth(j)).count();
+    let matches = support.iter().copied().filter(|j| truth(j)).count();
     let cross = &aircraft.cross_validation;
     format!(
         "aircraft {:>2}: {} rows, lambda {:.1e} (best {:.1e}, one standard error {:.1e}), {} of {} true functions and {} others selected; kkt {:.0e}, \
@@ -31,9 +31,9 @@ pub(crate) fn line(aircraft: &Aircraft) -> String {
         aircraft.lambda,
         cross.best_lambda(),
         cross.one_standard_error_lambda(),
-        found,
+        matches,
         aircraft.truth.iter().filter(|value| **value != 0.0).count(),
-        support.len() - found,
+        support.len() - matches,
         aircraft.selection.worst_kkt,
         aircraft.selection.stalled,
         aircraft.selection.unconverged,
@@ -94,7 +94,7 @@ pub(crate) fn errors(left: &Errors) {
 }
 
 /// Figure 5.
-pub(crate) fn hidden(found: &[Hidden]) {
+pub(crate) fn hidden(estimates: &[Hidden]) {
     println!(
         "\nFigure 5: latents over the true ones (medians), rows with negative drag, errors of the derivatives (rms)"
     );
@@ -102,7 +102,7 @@ pub(crate) fn hidden(found: &[Hidden]) {
         "{:<40} {:>6} {:>6} {:>6} {:>6} {:>9}   V' m/s^2  gamma' rad/s    m' kg/s  lambda    functions",
         "", "T", "D", "L", "Isp", "D < 0"
     );
-    for hidden in found {
+    for hidden in estimates {
         let [t, d, l, i] = hidden.over_true;
         let [v, g, m] = hidden.errors;
         let lambda = hidden.lambda.map_or_else(|| "-".into(), |lambda| format!("{lambda:.1e}"));

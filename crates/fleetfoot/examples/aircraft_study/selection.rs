@@ -55,9 +55,13 @@ impl Scan {
         let folds = Folds::random_splits(self.banks.keys(), self.banks.rows(), &splits)?;
         let structure = self.plan.regression.structure();
         let options = SelectOptions { lambdas: GRID, ..SelectOptions::default() };
-        let found = cross_validate(&structure, &self.banks, assembly, &folds, &options, &Silent)?;
-        let lambda = if arguments.one_standard_error { found.one_standard_error_lambda() } else { found.best_lambda() };
-        Ok((found, lambda))
+        let validation = cross_validate(&structure, &self.banks, assembly, &folds, &options, &Silent)?;
+        let lambda = if arguments.one_standard_error {
+            validation.one_standard_error_lambda()
+        } else {
+            validation.best_lambda()
+        };
+        Ok((validation, lambda))
     }
 
     /// The bolasso at a lambda, and the refit on its support.

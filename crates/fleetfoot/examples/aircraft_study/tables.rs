@@ -74,7 +74,7 @@ pub(crate) fn errors(path: &Path, errors: &Errors) -> Result<(), Failure> {
 }
 
 /// Figure 5: latents along one flight, one row a second and method; the truth is a method too.
-pub(crate) fn latents(path: &Path, source: &MemorySource, flight: usize, found: &[Hidden]) -> Result<(), Failure> {
+pub(crate) fn latents(path: &Path, source: &MemorySource, flight: usize, estimates: &[Hidden]) -> Result<(), Failure> {
     let block = source.read(flight, 0..source.episodes()[flight].rows, Halo::default())?;
     let rows = Rows { block: &block, columns: source.columns() };
     let seconds: Vec<f64> = block.stamps().iter().map(|&stamp| stamp as f64 * 1e-9).collect();
@@ -95,7 +95,7 @@ pub(crate) fn latents(path: &Path, source: &MemorySource, flight: usize, found: 
         writer.write(&values)
     };
     write("truth", [rows.column("T")?, rows.column("D")?, rows.column("L")?, rows.column("Isp")?])?;
-    for hidden in found {
+    for hidden in estimates {
         write(&hidden.method, std::array::from_fn(|k| hidden.shown[k].as_slice()))?;
     }
     Ok(writer.finish()?)

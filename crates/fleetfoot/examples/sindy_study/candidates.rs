@@ -47,12 +47,12 @@ impl Candidates {
             (0..variables.len() as u64).map(move |i| 0.3 + (mix(100 * k + i) >> 11) as f64 / (1_u64 << 53) as f64)
         };
         let probe: Vec<Vec<f64>> = (0..PROBES).map(|k| at(k).collect()).collect();
-        let mut found = Self { functions: terms.functions, constant: terms.constant, probe, values: Vec::new() };
-        let values = found.probe.iter().map(|state| found.evaluate(&found.functions, variables, state));
+        let mut candidates = Self { functions: terms.functions, constant: terms.constant, probe, values: Vec::new() };
+        let values = candidates.probe.iter().map(|state| candidates.evaluate(&candidates.functions, variables, state));
         let values: Vec<Vec<f64>> = values.collect::<Result<_, _>>()?;
-        let first = found.constant.then_some(1.0);
-        found.values = values.into_iter().map(|row| first.into_iter().chain(row).collect()).collect();
-        Ok(found)
+        let first = candidates.constant.then_some(1.0);
+        candidates.values = values.into_iter().map(|row| first.into_iter().chain(row).collect()).collect();
+        Ok(candidates)
     }
 
     /// Number of candidates, the constant among them.

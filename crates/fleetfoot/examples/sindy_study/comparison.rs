@@ -80,11 +80,11 @@ pub(crate) fn run(seed: u64, systems: &'static [System], beside_peer: bool) -> R
     let answer = if beside_peer { peer.run() } else { Err("it was not asked for".into()) };
     let peer = match answer {
         Err(reason) => Err(reason.to_string()),
-        Ok(found) => {
-            for (case, theirs) in cases.iter_mut().zip(&found.cases) {
+        Ok(output) => {
+            for (case, theirs) in cases.iter_mut().zip(&output.cases) {
                 case.peer = Some(Beside::new(case, theirs));
             }
-            Ok(found.version)
+            Ok(output.version)
         }
     };
     Ok(Study { cases, peer })
@@ -109,7 +109,7 @@ fn fit(
 
 /// At pysindy's threshold, and the best.
 fn verdicts(coefficients: &[Vec<Vec<f64>>], truth: &[Vec<f64>]) -> (Verdict, Verdict) {
-    let all: Vec<Verdict> = coefficients.iter().map(|found| Verdict::new(found, truth)).collect();
+    let all: Vec<Verdict> = coefficients.iter().map(|equations| Verdict::new(equations, truth)).collect();
     let fixed = thresholds().iter().position(|&threshold| threshold == THRESHOLD).map_or(all[0], |at| all[at]);
     (fixed, all.iter().fold(fixed, |best, next| if next.is_better_than(&best) { *next } else { best }))
 }

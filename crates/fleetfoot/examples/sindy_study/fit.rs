@@ -73,8 +73,8 @@ impl Prepared {
         let optimizer = Optimizer::Stlsq(Stlsq { alpha: ridge, ..Stlsq::default() });
         let options = SweepOptions { thresholds: Thresholds::List(thresholds.to_vec()), ..SweepOptions::default() };
         let terms = vec![Terms::all(); self.rows.targets()];
-        let found = sweep(&self.rows, &self.folds, &terms, &optimizer, &options, &Silent)?;
-        Ok(found.iter().map(|sweep| sweep.choice().coefficients.clone()).collect())
+        let sweeps = sweep(&self.rows, &self.folds, &terms, &optimizer, &options, &Silent)?;
+        Ok(sweeps.iter().map(|sweep| sweep.choice().coefficients.clone()).collect())
     }
 
     /// STLSQ at one threshold on bootstrap replicates of blocks of rows; the terms of most of the models, refitted on all rows.
@@ -87,8 +87,8 @@ impl Prepared {
             for draw in 0..count {
                 let random = mix(start.wrapping_add(draw as u64));
                 let block = ((u128::from(random) * count as u128) >> 64) as usize;
-                let own = (0..blocks.len()).filter(|&unit| blocks[unit] == block);
-                own.for_each(|unit| weights[(unit, replicate)] += 1.0);
+                let units = (0..blocks.len()).filter(|&unit| blocks[unit] == block);
+                units.for_each(|unit| weights[(unit, replicate)] += 1.0);
             }
         }
         let replicates = self.scan.roots(0, weights.as_ref());
@@ -96,8 +96,8 @@ impl Prepared {
         let optimizer = Optimizer::Stlsq(Stlsq { threshold, alpha: ridge, ..Stlsq::default() });
         let options = EnsembleOptions { probability: PROBABILITY, ..EnsembleOptions::default() };
         let terms = vec![Terms::all(); self.rows.targets()];
-        let found = ensemble(&self.rows, &replicates, &terms, &optimizer, &options, &Silent)?;
-        Ok(found.into_iter().map(|ensemble| ensemble.model.coefficients).collect())
+        let ensembles = ensemble(&self.rows, &replicates, &terms, &optimizer, &options, &Silent)?;
+        Ok(ensembles.into_iter().map(|ensemble| ensemble.model.coefficients).collect())
     }
 
     /// Mean squared error of equations over all rows and targets.

@@ -25,16 +25,16 @@ pub(crate) struct Verdict {
 
 impl Verdict {
     /// Coefficients (equation by equation) beside the true ones.
-    pub(crate) fn new(found: &[Vec<f64>], truth: &[Vec<f64>]) -> Self {
-        let pairs = || found.iter().flatten().zip(truth.iter().flatten());
+    pub(crate) fn new(estimate: &[Vec<f64>], truth: &[Vec<f64>]) -> Self {
+        let pairs = || estimate.iter().flatten().zip(truth.iter().flatten());
         let has = |equations: &[Vec<f64>]| equations.iter().flat_map(|equation| terms(equation)).collect::<Vec<bool>>();
-        let (has, should) = (has(found), has(truth));
+        let (has, should) = (has(estimate), has(truth));
         let count = |has: &[bool], not: &[bool]| has.iter().zip(not).filter(|(has, not)| **has && !**not).count();
         let square = |sum: f64, value: f64| sum + value * value;
         Self {
             missing: count(&should, &has),
             extra: count(&has, &should),
-            error: (pairs().map(|(found, truth)| found - truth).fold(0.0, square)
+            error: (pairs().map(|(estimate, truth)| estimate - truth).fold(0.0, square)
                 / pairs().map(|(_, truth)| *truth).fold(0.0, square))
             .sqrt(),
         }

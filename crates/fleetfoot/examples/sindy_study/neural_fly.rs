@@ -51,7 +51,7 @@ pub(crate) fn table(folder: &Path) -> Result<(Vec<Row>, Result<String, String>),
     let workspace = tempfile::tempdir()?;
     let mut peer = Peer::new(workspace.path());
     let mut rows = Vec::new();
-    let mut found = Vec::new();
+    let mut fits = Vec::new();
     for (file, wind) in FILES {
         let halves = read(&folder.join(file))?;
         peer.push(&halves.train, FEATURES, &candidates, &[THRESHOLD], RIDGE)?;
@@ -62,12 +62,12 @@ pub(crate) fn table(folder: &Path) -> Result<(Vec<Row>, Result<String, String>),
         };
         let stlsq = problems.stlsq(&[THRESHOLD], RIDGE)?.swap_remove(0);
         rows.push(Row { wind, least_squares: errors(&problems.least_squares()?), stlsq: errors(&stlsq), peer: None });
-        found.push((problems, test, stlsq));
+        fits.push((problems, test, stlsq));
     }
     let version = match peer.run() {
         Err(reason) => Err(reason.to_string()),
         Ok(theirs) => {
-            for ((row, (train, test, ours)), theirs) in rows.iter_mut().zip(&found).zip(&theirs.cases) {
+            for ((row, (train, test, ours)), theirs) in rows.iter_mut().zip(&fits).zip(&theirs.cases) {
                 let errors = [train.mean_squared_error(&theirs[0]), test.mean_squared_error(&theirs[0])];
                 let apart = ours.iter().flatten().zip(theirs[0].iter().flatten()).map(|(a, b)| (a - b).abs());
                 row.peer = Some((errors, apart.fold(0.0, f64::max)));

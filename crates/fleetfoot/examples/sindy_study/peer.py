@@ -59,7 +59,7 @@ def fit(case, folder):
     inputs = [episode[:, q:] for episode in columns] if case["inputs"] else None
     derivatives = episodes("derivatives.f64", q) if case["derivatives"] else None
     functions = order(case, folder)
-    found = []
+    fits = []
     for threshold in case["thresholds"]:
         model = pysindy.SINDy(
             optimizer=STLSQ(threshold=threshold, alpha=case["ridge"]),
@@ -67,8 +67,8 @@ def fit(case, folder):
             differentiation_method=FiniteDifference(order=2, drop_endpoints=True),
         )
         model.fit(states, t=case["period"], x_dot=derivatives, u=inputs)
-        found.append(model.coefficients()[:, functions])
-    return np.array(found)
+        fits.append(model.coefficients()[:, functions])
+    return np.array(fits)
 
 
 def main():

@@ -149,14 +149,14 @@ fn outcome(clock: &Clock, name: &str, kind: Type, folder: &std::path::Path) -> O
             let (stamps_read, truth) = (stamps(&recording), clock.nanoseconds());
             let right = stamps_read.len() == truth.len() && stamps_read.iter().zip(&truth).all(is_near);
             let note_text = format!("the numbers of `{name}` are taken as s; they could be ");
-            let is_told = |note: &String| {
+            let names_unit = |note: &String| {
                 note.split_once(&note_text).is_some_and(|(_, rest)| {
                     rest.split_once(": name the unit").unwrap().0.split(" or ").any(|unit| unit == clock.unit.symbol())
                 })
             };
             match right {
                 true => Outcome::Right,
-                false if kind == Type::MemoryDouble && recording.notes().iter().any(is_told) => Outcome::Noted,
+                false if kind == Type::MemoryDouble && recording.notes().iter().any(names_unit) => Outcome::Noted,
                 false => Outcome::Wrong,
             }
         }

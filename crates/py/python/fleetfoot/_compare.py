@@ -213,8 +213,8 @@ def compare(
     >>> runs = [rng.normal(size=2) * np.exp(-np.arange(200)[:, None] * 0.01) for _ in range(4)]
     >>> model = ff.PWA().fit(runs[:2], dt=0.01, feature_names=["a", "b"]).model_
     >>> names = [{"a": run[:, 0], "b": run[:, 1]} for run in runs[2:]]
-    >>> found = ff.compare({"affine": model, "decay": lambda x, u: -x}, ff.open(names, dt=0.01))
-    >>> found.models, found.targets
+    >>> comparison = ff.compare({"affine": model, "decay": lambda x, u: -x}, ff.open(names, dt=0.01))
+    >>> comparison.models, comparison.targets
     (('affine', 'decay', 'null', 'persistence'), ('d(a)/dt', 'd(b)/dt'))
     """
     if not models:

@@ -150,15 +150,15 @@ def enet_path(
         coefs = np.asarray(coefs, dtype=X.dtype)
         return (alphas_, coefs, gaps, sweeps) if return_n_iter else (alphas_, coefs, gaps)
     if isinstance(wanted, Integral):
-        alphas_found = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
+        path_alphas = grid(largest_alpha(posed.problems, l1_ratio, positive), eps, int(wanted))
     else:
-        alphas_found = _descending(wanted)
+        path_alphas = _descending(wanted)
     options["estimator"] = _core.Estimator.elastic_net(l1_ratio, options["max_iter"])
-    solved = posed.solve(0, alphas_found, positive=positive, start=_start(coef_init, X.shape[1]), **options)
+    solved = posed.solve(0, path_alphas, positive=positive, start=_start(coef_init, X.shape[1]), **options)
     coefs = np.asarray(solved.coefs.T, dtype=X.dtype)
     if return_n_iter:
-        return alphas_found, coefs, solved.gaps, solved.sweeps
-    return alphas_found, coefs, solved.gaps
+        return path_alphas, coefs, solved.gaps, solved.sweeps
+    return path_alphas, coefs, solved.gaps
 
 
 def _descending(alphas: Any) -> NDArray[np.float64]:
