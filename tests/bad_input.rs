@@ -31,10 +31,10 @@ fn changed(rows: usize, change: impl Fn(usize, &mut Vec<String>)) -> String {
 const FIT: [&str; 11] =
     ["fit", "pwa", "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u", "-o", "model.json"];
 
+/// A fit of one region, unless `more` names partitions: refined regions take seconds.
 fn fit(folder: &Path, more: &[&str]) -> Run {
-    let mut arguments = FIT.to_vec();
-    arguments.extend(more);
-    fleetfoot(folder, &arguments)
+    let partition: &[&str] = if more.contains(&"--partition") { &[] } else { &["--partition", "average"] };
+    fleetfoot(folder, &[&FIT[..], partition, more].concat())
 }
 
 #[test]

@@ -6,24 +6,16 @@ use std::{collections::BTreeSet, process::Command};
 /// Third-party packages with their features, as Cargo resolves them for a selection of the workspace's packages.
 fn resolved(selection: &[&str]) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
-        .args([
-            "tree",
-            "--offline",
-            "--edges",
-            "normal,build,dev",
-            "--prefix",
-            "none",
-            "--no-dedupe",
-            "--format",
-            "{p} {f}",
-        ])
+        .args(["tree", "--offline", "--edges", "normal,build,dev", "--prefix", "none", "--format", "{p} {f}"])
         .args(selection)
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .expect("cargo tree runs");
     assert!(output.status.success(), "{selection:?}: {}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).expect("names are UTF-8");
-    text.lines().filter(|line| !line.is_empty() && !line.contains("(/")).map(str::to_owned).collect()
+    // Cargo marks a package that it printed before, with its features, by a star.
+    let packages = text.lines().map(|line| line.strip_suffix(" (*)").unwrap_or(line));
+    packages.filter(|line| !line.is_empty() && !line.contains("(/")).map(str::to_owned).collect()
 }
 
 #[test]

@@ -17,8 +17,11 @@ const RECIPE: &str = "[columns]\nv = \"v [m/s]\"\n[states]\nv = {}\n[inputs]\nu 
 
 const FIT: [&str; 5] = ["fit", "pwa", "-c", "r.toml", "log.csv"];
 
+/// A fit of one region, unless `more` names partitions: the guards are the same for all, and refined regions take
+/// seconds.
 fn fit(folder: &Path, more: &[&str]) -> Run {
-    fleetfoot(folder, &[&FIT[..], more].concat())
+    let partition: &[&str] = if more.contains(&"-p") { &[] } else { &["-p", "average"] };
+    fleetfoot(folder, &[&FIT[..], partition, more].concat())
 }
 
 /// `t [s], y, u` with `y[k+1] = 0.9 y[k] + u[k]`, rows of `dt`.
@@ -63,7 +66,7 @@ fn inputs_are_never_outputs() {
     )
     .fails(&["m_kmeans2.json", "input"]);
     // The default partitions, too.
-    let output = fit(path, &["--keep-all", "-o", "n.json"]).ok();
+    let output = fleetfoot(path, &[&FIT[..], &["--keep-all", "-o", "n.json"]].concat()).ok();
     assert!(
         !output.err.contains("--partition refined:2,5,10"),
         "of few rows refined regions are tried: {}",
@@ -266,7 +269,7 @@ fn unusable_rows_are_named_with_their_alias() {
     let folder = folder(&[("zero.csv", &zero), ("huge.csv", &huge), ("infinite.csv", &infinite)]);
     for method in ["pwa", "sindy"] {
         let run = |file: &str, more: &[&str]| {
-            let arguments = ["fit", method, file, "--states", "y", "--degree", "1"];
+            let arguments = ["fit", method, file, "--states", "y", "--degree", "1", "--partition", "average"];
             fleetfoot(folder.path(), &[&arguments[..], more].concat()).ok().err
         };
         let notes = run("zero.csv", &["--alias", "w=1/u", "--inputs", "w"]);
@@ -295,8 +298,10 @@ fn truncated_files_get_a_note() {
     let within = &whole[..whole.len() - 5];
     let exponent = format!("{whole}e-");
     let folder = folder(&[("whole.csv", &text), ("within.csv", within), ("exponent.csv", &exponent)]);
-    let fit =
-        |file: &str| fleetfoot(folder.path(), &["fit", "pwa", file, "--states", "y", "--inputs", "u", "--json"]).ok();
+    let fit = |file: &str| {
+        fleetfoot(folder.path(), &["fit", "pwa", file, "--states", "y", "--inputs", "u", "-p", "average", "--json"])
+            .ok()
+    };
     let output = fit("whole.csv");
     assert!(!output.err.contains("line"), "{}", output.err);
     let rows = output.json()["rows"].as_u64().unwrap();
@@ -323,7 +328,10 @@ fn blanks_separate_columns_too() {
         ("broken.txt", &broken),
     ]);
     let fit = |file: &str| {
-        fleetfoot(folder.path(), &["fit", "pwa", file, "--states", "y", "--inputs", "u", "-o", &format!("{file}.json")])
+        fleetfoot(
+            folder.path(),
+            &["fit", "pwa", file, "--states", "y", "--inputs", "u", "-p", "average", "-o", &format!("{file}.json")],
+        )
     };
     let expected = fit("commas.csv").ok().out;
     for file in ["blanks.txt", "commented.txt"] {
