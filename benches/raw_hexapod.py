@@ -326,7 +326,7 @@ def pooled(runs, name, key, which=1):
 
 
 def state_table(runs):
-    yield "| | raw | spline | filter | smoother | stated deviation | error within 1.96 of it |"
+    yield "| error of a column | raw | spline | filter | smoother | stated deviation | error within 1.96 of it |"
     yield "|---|---:|---:|---:|---:|---:|---:|"
     for key in [*STATES, *(f"{name}_dot" for name in STATES)]:
         errors = {name: pooled(runs, name, key) for name in ("raw", "spline", "filter", "smoother")}
@@ -345,7 +345,7 @@ def doubtful(runs):
 
 
 def block_table(runs):
-    yield "| | sum of the squares of three errors, in stated deviations: its mean over 3 | rows in which it is below the 95 % of its law |"
+    yield "| state of the smoother | sum of the squares of three errors, in stated deviations: its mean over 3 | rows in which it is below the 95 % of its law |"
     yield "|---|---:|---:|"
     for name in BLOCKS:
         squares = np.concatenate([results["blocks"][name] for results in runs.values()])

@@ -6,6 +6,8 @@ A page may show an extract of its table further up, which is changed by hand.
 
 import argparse
 import contextlib
+import csv
+import itertools
 import json
 import os
 import platform
@@ -367,7 +369,33 @@ def commit():
 def folded(text):
     """Lines of prose at most 118 characters long; lines of tables stay."""
     lines = text.split("\n")
-    return "\n".join(line if line.startswith("|") else textwrap.fill(line, 118) for line in lines)
+    return "\n".join(line if line.startswith(("|", "- [")) else textwrap.fill(line, 118) for line in lines)
+
+
+#: Results of which a page shows a choice: all their tables are files beside it.
+CHOSEN = ("stability", "raw_hexapod", "raw_models")
+#: Longest table of a page, in rows.
+LONGEST = 40
+
+
+def filed(name, text, page):
+    """The text with a link to a file of comma-separated values in place of each table that is not for reading."""
+    parts, count = [], 0
+    for is_table, lines in itertools.groupby(text.split("\n"), lambda line: line.startswith("|")):
+        lines = list(lines)
+        rows = [[cell.strip().strip("*") for cell in line.strip("|").split("|")] for line in lines]
+        if not is_table or (name not in CHOSEN and len(rows) - 2 <= LONGEST):
+            parts += lines
+            continue
+        count += 1
+        file = PAGES / "tables" / f"{name}-{count}.csv"
+        file.parent.mkdir(exist_ok=True)
+        with open(file, "w", newline="") as out:
+            csv.writer(out, lineterminator="\n").writerows([rows[0], *rows[2:]])
+        if len(parts) > 1 and parts[-2].startswith("- ["):
+            parts.pop()
+        parts.append(f"- [Table of {len(rows) - 2} rows]({os.path.relpath(file, page.parent)}): {rows[0][0]}")
+    return "\n".join(parts)
 
 
 def fill(name, text):
@@ -378,7 +406,8 @@ def fill(name, text):
         raise SystemExit(f"{PAGES} has no place for {name}")
     before, rest = pages[0].read_text().split(begin, 1)
     after = rest.split(end, 1)[1]
-    pages[0].write_text(f"{before}{begin}\n\n{folded(text)}\n\nMade by `benches/results.py` at {commit()} on {machine()}.\n\n{end}{after}")
+    text = folded(filed(name, text, pages[0]))
+    pages[0].write_text(f"{before}{begin}\n\n{text}\n\nMade by `benches/results.py` at {commit()} on {machine()}.\n\n{end}{after}")
 
 
 if __name__ == "__main__":

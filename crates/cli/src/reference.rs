@@ -23,7 +23,7 @@ fit), 2 (error in the arguments) or 130 (stopped). The [glossary](glossary.md) e
 ";
 
 /// Commands that share an option from which on it stands once, above them.
-const SHARED: usize = 4;
+const SHARED: usize = 3;
 
 /// Options by the text of their item, with the number of commands that have them.
 type Counts = HashMap<String, usize>;
