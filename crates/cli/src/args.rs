@@ -373,8 +373,8 @@ pub(crate) struct FitPwa {
     /// Partitions, of which one is chosen: `average`, `kmeans:10`, `kmeans:2,5,10`, `refined:2..20`, `tree:3`,
     /// `labels:COLUMN`, `null` (default: those of the recipe, else `average,kmeans:2,5,10`).
     ///
-    /// Others are `zscore:1.5`, `lattice:2..50` and `labels:COLUMN+kmeans:5` (or `+refined:5`, `+tree:3`). The default has
-    /// `refined:2..5` too for 2,000 rows or fewer; of a statistic it is those that it sums.
+    /// Others are `zscore:1.5`, `zbox:1.5`, `lattice:2..50` and `labels:COLUMN+kmeans:5` (or `+refined:5`, `+tree:3`). The
+    /// default has `refined:2..5` too for 2,000 rows or fewer; of a statistic it is those that it sums.
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// Columns that define the regions, separated by commas (default: the states).

@@ -144,6 +144,13 @@ fn partition_lines(out: &mut String, index: usize, partition: &fleetfoot_model::
             let _ =
                 writeln!(out, "The region is inner where $\\lVert z \\rVert \\le {}$, else outer.", number(*radius));
         }
+        Rule::Box { half } => {
+            let _ = writeln!(
+                out,
+                "The region is inner where $\\lVert z \\rVert_\\infty \\le {}$, else outer.",
+                number(*half)
+            );
+        }
         Rule::Labels { names, .. } => {
             let names: Vec<String> = names.iter().map(|name| escaped(name)).collect();
             let _ = writeln!(out, "The region follows from the label, the last of these: {}.", names.join(", "));

@@ -184,6 +184,15 @@ impl Lowering<'_> {
                 }
                 body
             }
+            Rule::Box { half } => {
+                let outside = vec![Statement::SetCounter(region.to_owned(), (base + 1).into())];
+                let beyond = Condition::Outside(column(), Real::Number(-half), Real::Number(*half));
+                let mut body = vec![Statement::each("j", columns, vec![Statement::If(beyond, outside, Vec::new())])];
+                if within_label {
+                    body.insert(0, Statement::SetCounter(region.to_owned(), base.into()));
+                }
+                body
+            }
             Rule::Linear { weights, offsets } => {
                 let values = weights.iter().flatten().copied().collect();
                 let comment = "Weights of the regions, one row a region: the largest score wins.";

@@ -97,6 +97,10 @@ fn rule_arrays(arrays: &mut Arrays, name: &str, rule: &Rule, columns: usize) {
             arrays.strings(&format!("{name}/kind"), &["ball".into()]);
             arrays.reals(&format!("{name}/radius"), &[*radius], &[]);
         }
+        Rule::Box { half } => {
+            arrays.strings(&format!("{name}/kind"), &["box".into()]);
+            arrays.reals(&format!("{name}/half"), &[*half], &[]);
+        }
         Rule::Linear { weights, offsets } => {
             arrays.strings(&format!("{name}/kind"), &["linear".into()]);
             let all: Vec<f64> = weights.iter().flatten().copied().collect();

@@ -31,6 +31,7 @@ pub(crate) struct Cells {
 enum CellRule {
     Whole,
     Ball { radius: f64 },
+    Box { half: f64 },
     Linear(Linear),
     Tree(Tree),
 }
@@ -66,7 +67,7 @@ pub(crate) struct Cell {
     z: Aligned,
     size: f64,
     scores: Aligned,
-    /// The winner's score; of a tree the distance to the nearest cut on the way.
+    /// The winner's score; of a tree the distance to the nearest cut on the way; of a box the column of largest size.
     top: f64,
     /// Memory of the screen, where there is one.
     screened: Option<Screened>,
@@ -92,6 +93,7 @@ impl Cells {
         cells.rule = match &regions.rule {
             Rule::Whole => return Some(cells),
             Rule::Ball { radius } => CellRule::Ball { radius: *radius },
+            Rule::Box { half } => CellRule::Box { half: *half },
             Rule::Linear { weights, offsets } => CellRule::Linear(Linear::new(weights, offsets, columns.len(), None)),
             Rule::Joined { cells, regions } => match &**cells {
                 Rule::Linear { weights, offsets } => {
@@ -124,7 +126,7 @@ impl Cells {
     pub(crate) fn count(&self) -> usize {
         match &self.rule {
             CellRule::Whole => 1,
-            CellRule::Ball { .. } => 2,
+            CellRule::Ball { .. } | CellRule::Box { .. } => 2,
             CellRule::Linear(linear) => linear.regions,
             CellRule::Tree(tree) => tree.regions(),
         }
@@ -255,6 +257,10 @@ impl Cells {
                 let square: f64 = cell.z[..self.columns.len()].iter().map(|z| z * z).sum();
                 cell.region = usize::from(square > radius * radius);
             }
+            CellRule::Box { half } => {
+                cell.top = largest(&cell.z[..self.columns.len()]);
+                cell.region = usize::from(cell.top > *half);
+            }
             CellRule::Linear(linear) => {
                 (cell.top, cell.region) = argmax(simd, &cell.scores, &linear.indices);
             }
@@ -272,6 +278,8 @@ impl Cells {
         let free = match &self.rule {
             CellRule::Whole => f64::INFINITY,
             CellRule::Ball { radius } => (size - radius).abs() - 4.0 * terms * f64::EPSILON * (1.0 + size + radius),
+            // Exact within; elsewhere the border is at least as far as the column that is farthest from it.
+            CellRule::Box { half } => (cell.top - half).abs() - 4.0 * terms * f64::EPSILON * (1.0 + size + half),
             CellRule::Linear(linear) => {
                 // Rounding of two scores within the largest radius that is allowed, 1 + |z|.
                 let reach = linear.largest_offset + linear.largest_weight * (2.0 * size + 1.0);
@@ -320,6 +328,11 @@ impl Cell {
         let free = free.min(1.0 + self.size) * (1.0 - 1e-9);
         self.free_square = if free > 0.0 { free * free } else { -1.0 };
     }
+}
+
+/// The largest size of standardised columns.
+fn largest(z: &[f64]) -> f64 {
+    z.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
 /// The region of standardised columns, and how far the nearest of the cuts on the way is.

@@ -42,6 +42,10 @@ impl Rule {
                     [cut.below, cut.above].into_iter().for_each(|branch| out.count(branch.code() as u64));
                 }
             }
+            Self::Box { half } => {
+                out.tag(6);
+                out.number(*half);
+            }
             Self::Labels { values, names, rules, unseen } => {
                 out.tag(5);
                 out.numbers(values);
@@ -71,6 +75,7 @@ mod tests {
             Rule::Whole,
             Rule::Ball { radius: 1.0 },
             Rule::Ball { radius: 2.0 },
+            Rule::Box { half: 2.0 },
             linear(vec![vec![1.0, 2.0]], vec![0.0]),
             linear(vec![vec![1.0], vec![2.0]], vec![0.0]),
             Rule::Joined { cells: Rule::Whole.into(), regions: vec![0] },

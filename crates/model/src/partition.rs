@@ -46,6 +46,11 @@ pub enum Rule {
         /// Radius in standard deviations.
         radius: f64,
     },
+    /// Region 0 where every column is within this distance of its centre, region 1 elsewhere.
+    Box {
+        /// Half of the sides, in standard deviations.
+        half: f64,
+    },
     /// `argmax_i (w_i . z + b_i)`; the lowest index wins a tie.
     Linear {
         /// One row of weights per region.
@@ -97,7 +102,7 @@ impl Rule {
     pub fn count(&self) -> usize {
         match self {
             Rule::Whole => 1,
-            Rule::Ball { .. } => 2,
+            Rule::Ball { .. } | Rule::Box { .. } => 2,
             Rule::Linear { offsets, .. } => offsets.len(),
             Rule::Joined { regions, .. } => regions.iter().max().map_or(0, |&last| last as usize + 1),
             Rule::Tree(tree) => tree.regions(),
@@ -113,6 +118,7 @@ impl Rule {
         match self {
             Rule::Whole => regions.fill(0),
             Rule::Ball { radius } => ball(z, *radius, regions),
+            Rule::Box { half } => within_box(z, *half, regions),
             Rule::Linear { weights, offsets } => {
                 fleetfoot_data::arch().dispatch(Linear { weights, offsets, z, regions });
             }
@@ -178,7 +184,7 @@ impl Partition {
     pub fn region_name(&self, region: usize) -> String {
         match &self.rule {
             Rule::Whole => "all".into(),
-            Rule::Ball { .. } => ["inner", "outer"][region.min(1)].into(),
+            Rule::Ball { .. } | Rule::Box { .. } => ["inner", "outer"][region.min(1)].into(),
             Rule::Linear { .. } | Rule::Joined { .. } | Rule::Tree(_) => region.to_string(),
             Rule::Labels { names, rules, .. } => {
                 let mut offset = 0;
@@ -215,6 +221,12 @@ fn ball(z: &[&[f64]], radius: f64, regions: &mut [u32]) {
     for (row, region) in regions.iter_mut().enumerate() {
         let square: f64 = z.iter().map(|column| column[row] * column[row]).sum();
         *region = u32::from(square > radius * radius);
+    }
+}
+
+fn within_box(z: &[&[f64]], half: f64, regions: &mut [u32]) {
+    for (row, region) in regions.iter_mut().enumerate() {
+        *region = u32::from(z.iter().any(|column| column[row].abs() > half));
     }
 }
 
@@ -340,6 +352,9 @@ mod tests {
     fn ball_and_labels() {
         assert_eq!(Rule::Ball { radius: 1.5 }.assign_row(&[1.5, 0.0]), Some(0));
         assert_eq!(Rule::Ball { radius: 1.5 }.assign_row(&[1.5, 0.1]), Some(1));
+        assert_eq!(Rule::Box { half: 1.5 }.assign_row(&[1.5, -1.5]), Some(0));
+        assert_eq!(Rule::Box { half: 1.5 }.assign_row(&[0.0, -1.6]), Some(1));
+        assert_eq!(Rule::Box { half: 1.5 }.assign_row(&[f64::NAN, 0.0]), None);
         let mut rule = Rule::Labels {
             values: vec![1.0, 4.0],
             names: vec!["1".into(), "4".into()],

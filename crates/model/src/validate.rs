@@ -203,6 +203,8 @@ fn check_rule(rule: &Rule, columns: usize) -> Result<(), String> {
         Rule::Whole => Ok(()),
         Rule::Ball { radius } if *radius > 0.0 => Ok(()),
         Rule::Ball { radius } => Err(format!("radius {radius} is not positive")),
+        Rule::Box { half } if *half > 0.0 => Ok(()),
+        Rule::Box { half } => Err(format!("half width {half} is not positive")),
         Rule::Linear { weights, offsets } => {
             if weights.is_empty() || weights.len() != offsets.len() || weights.iter().any(|row| row.len() != columns) {
                 return Err(format!("{} x {columns} weights and {} offsets do not fit", weights.len(), offsets.len()));

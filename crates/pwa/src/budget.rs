@@ -12,7 +12,7 @@ pub(crate) fn gram_bytes(width: usize) -> usize {
 pub(crate) fn expected_regions(specification: &Specification) -> usize {
     match specification {
         Specification::Null | Specification::Average => 0,
-        Specification::ZScore(_) => 2,
+        Specification::ZScore(_) | Specification::ZBox(_) => 2,
         Specification::KMeans(k) | Specification::Refined(k) => *k,
         Specification::Tree(depth) => 1 << depth,
         // The sums of cells are bounded by themselves.

@@ -173,7 +173,7 @@ impl Fit<'_> {
         let partition_notes = self.segmentation.notes.clone();
         let mut notes: Vec<String> = partition_notes.iter().map(ToString::to_string).collect();
         confounded(self.problem, &base, &mut notes);
-        self.empty_balls(&solver, &mut notes);
+        self.empty_regions(&solver, &mut notes);
         notes.extend(self.uncounted(&kept));
         notes.extend(candidates[chosen].no_better());
         notes.extend(self.starved(&kept, &orders, &solver));

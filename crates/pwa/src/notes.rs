@@ -41,19 +41,25 @@ impl Score {
 }
 
 impl Fit<'_> {
-    /// In many dimensions hardly any row is near the centre.
-    pub(crate) fn empty_balls(&self, solver: &Solver<'_>, notes: &mut Vec<String>) {
+    /// In many dimensions hardly any row is near the centre of a ball; a box may have all rows.
+    pub(crate) fn empty_regions(&self, solver: &Solver<'_>, notes: &mut Vec<String>) {
         for candidate in &self.segmentation.candidates {
-            let Specification::ZScore(radius) = candidate.specification else { continue };
+            let columns = self.rows.partition;
+            let (size, why) = match candidate.specification {
+                Specification::ZScore(radius) => (
+                    radius,
+                    format!(
+                        "in {columns} standardised columns the root mean square distance is {:.1}",
+                        (columns as f64).sqrt()
+                    ),
+                ),
+                Specification::ZBox(half) => (half, format!("the box has {columns} standardised columns")),
+                _ => continue,
+            };
             let regions = solver.training(candidate.full, None);
             for (region, place) in [(0, "within"), (1, "beyond")] {
                 if regions.get(&region).is_none_or(|root| root.rows == 0) {
-                    let columns = self.rows.partition;
-                    notes.push(format!(
-                        "{}: no row is {place} {radius} of the centre; in {columns} standardised columns the root mean square distance is {:.1}",
-                        candidate.specification,
-                        (columns as f64).sqrt()
-                    ));
+                    notes.push(format!("{}: no row is {place} {size} of the centre; {why}", candidate.specification));
                 }
             }
         }

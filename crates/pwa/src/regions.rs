@@ -169,6 +169,7 @@ impl Maker<'_> {
         let (rule, label, note) = match specification {
             Specification::Null | Specification::Average | Specification::Lattice(_) => (Rule::Whole, None, None),
             Specification::ZScore(radius) => (Rule::Ball { radius: *radius }, None, None),
+            Specification::ZBox(half) => (Rule::Box { half: *half }, None, None),
             Specification::KMeans(k) => {
                 let (rule, note) = self.cluster(*k, &runs, |_| true, &centre, &scale, progress)?;
                 (rule, None, note)

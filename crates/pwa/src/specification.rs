@@ -1,5 +1,5 @@
-//! Partitions as users write them: `null`, `average`, `zscore:1.5`, `kmeans:10`, `kmeans:2,5,10`, `refined:5`, `refined:2..20`, `lattice:2..50`,
-//! `tree:3`, `labels:terrain`, `labels:terrain+kmeans:5`, `labels:terrain+refined:5`, `labels:terrain+tree:3`.
+//! Partitions as users write them: `null`, `average`, `zscore:1.5`, `zbox:1.5`, `kmeans:10`, `kmeans:2,5,10`, `refined:5`, `refined:2..20`,
+//! `lattice:2..50`, `tree:3`, `labels:terrain`, `labels:terrain+kmeans:5`, `labels:terrain+refined:5`, `labels:terrain+tree:3`.
 
 use std::{fmt, str::FromStr};
 
@@ -12,6 +12,8 @@ pub enum Specification {
     Average,
     /// Inside and outside a ball of this radius in z-score space.
     ZScore(f64),
+    /// Inside and outside a box: every column within this many standard deviations of its mean, or not.
+    ZBox(f64),
     /// Voronoi cells of k-means centroids.
     KMeans(usize),
     /// Regions that fit the dynamics, between linear separators.
@@ -45,8 +47,8 @@ pub enum Within {
 /// Why a partition could not be understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "partition `{text}`: {problem}; write null, average, zscore:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, lattice:2..50, tree:3, tree:1..6, \
-     labels:COLUMN, labels:COLUMN+kmeans:5, labels:COLUMN+refined:5 or labels:COLUMN+tree:3"
+    "partition `{text}`: {problem}; write null, average, zscore:1.5, zbox:1.5, kmeans:10, kmeans:2,5,10, refined:5, refined:2..20, lattice:2..50, tree:3, \
+     tree:1..6, labels:COLUMN, labels:COLUMN+kmeans:5, labels:COLUMN+refined:5 or labels:COLUMN+tree:3"
 )]
 pub struct SpecificationError {
     text: String,
@@ -167,13 +169,15 @@ impl FromStr for Specification {
             Ok(depth) if (1..=DEEPEST).contains(&depth) => Ok(depth),
             _ => Err(fail("the depth of a tree must be between 1 and 10")),
         };
+        let deviations = |value: &str| match value.parse::<f64>() {
+            Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+            _ => Err(fail("the size must be a positive number of standard deviations")),
+        };
         match text.split_once(':') {
             None if text == "null" => Ok(Self::Null),
             None if text == "average" => Ok(Self::Average),
-            Some(("zscore", radius)) => match radius.parse::<f64>() {
-                Ok(radius) if radius > 0.0 && radius.is_finite() => Ok(Self::ZScore(radius)),
-                _ => Err(fail("the radius must be a positive number of standard deviations")),
-            },
+            Some(("zscore", radius)) => Ok(Self::ZScore(deviations(radius)?)),
+            Some(("zbox", half)) => Ok(Self::ZBox(deviations(half)?)),
             Some(("kmeans", k)) => Ok(Self::KMeans(clusters(k)?)),
             Some(("refined", k)) => Ok(Self::Refined(clusters(k)?)),
             Some(("lattice", k)) => Ok(Self::Lattice(clusters(k)?)),
@@ -235,6 +239,7 @@ impl fmt::Display for Specification {
             Self::Null => f.write_str("null"),
             Self::Average => f.write_str("average"),
             Self::ZScore(radius) => write!(f, "zscore:{radius}"),
+            Self::ZBox(half) => write!(f, "zbox:{half}"),
             Self::KMeans(k) => write!(f, "kmeans:{k}"),
             Self::Refined(k) => write!(f, "refined:{k}"),
             Self::Lattice(k) => write!(f, "lattice:{k}"),
@@ -253,11 +258,12 @@ mod tests {
 
     #[test]
     fn lists_are_read_and_printed() {
-        let text = "null,average,zscore:1.5,kmeans:2,5,10,labels:terrain,labels:a.b+kmeans:3,4";
+        let text = "null,average,zscore:1.5,zbox:2,kmeans:2,5,10,labels:terrain,labels:a.b+kmeans:3,4";
         let list = Specification::parse_list(text).unwrap();
-        assert_eq!(list.len(), 9);
-        assert_eq!(list[5], Specification::KMeans(10));
-        assert_eq!(list[8], Specification::Labels { column: "a.b".into(), within: Within::KMeans(4) });
+        assert_eq!(list.len(), 10);
+        assert_eq!(list[3], Specification::ZBox(2.0));
+        assert_eq!(list[6], Specification::KMeans(10));
+        assert_eq!(list[9], Specification::Labels { column: "a.b".into(), within: Within::KMeans(4) });
         let within = Specification::parse_list("labels:a+refined:2,3,lattice:4").unwrap();
         assert_eq!(within[1], Specification::Labels { column: "a".into(), within: Within::Refined(3) });
         assert_eq!(within[2], Specification::Lattice(4));
@@ -291,6 +297,8 @@ mod tests {
             "kmeans:x",
             "zscore:-1",
             "zscore:nan",
+            "zbox",
+            "zbox:0",
             "labels:",
             "3",
             "voronoi:3",

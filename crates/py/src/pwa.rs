@@ -286,6 +286,15 @@ impl PwaFit {
         }
     }
 
+    /// Half of the sides of the box, where the partition is one.
+    #[getter]
+    fn half(&self) -> Option<f64> {
+        match self.identification.model.partitions.first().map(|partition| &partition.rule) {
+            Some(Rule::Box { half }) => Some(*half),
+            _ => None,
+        }
+    }
+
     /// Rows that each region was fitted on.
     #[getter]
     fn rows(&self) -> Vec<u64> {
@@ -348,6 +357,7 @@ pub(crate) struct PwaRule {
     /// The cuts of a tree; empty where the partition is none.
     cuts: Vec<TreeCut>,
     radius: Option<f64>,
+    half: Option<f64>,
 }
 
 /// A tree from its cuts.
@@ -365,7 +375,7 @@ fn tree(cuts: &[TreeCut], columns: usize) -> PyResult<Tree> {
 #[pyfunction]
 pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult<Bound<'py, PyArray1<i32>>> {
     let array = Array::of(x, "X")?;
-    let PwaRule { features, centre, scale, weights, offsets, joined, cuts, radius } = rule;
+    let PwaRule { features, centre, scale, weights, offsets, joined, cuts, radius, half } = rule;
     let width = features.len();
     let fits = centre.len() == width && scale.len() == width && weights.iter().all(|row| row.len() == width);
     let fits = fits && (joined.is_empty() || joined.len() == weights.len());
@@ -373,12 +383,13 @@ pub(crate) fn pwa_regions<'py>(x: &Bound<'py, PyAny>, rule: PwaRule) -> PyResult
         return Err(Kind::Request.error("the partition's features, centres and scales do not go together"));
     }
     let tree = tree(&cuts, width)?;
-    let rule = match radius {
+    let rule = match (radius, half) {
         _ if !tree.cuts.is_empty() => Rule::Tree(tree),
-        Some(radius) => Rule::Ball { radius },
-        None if weights.is_empty() => Rule::Whole,
-        None if joined.is_empty() => Rule::Linear { weights, offsets },
-        None => Rule::Joined { cells: Rule::Linear { weights, offsets }.into(), regions: joined },
+        (Some(radius), _) => Rule::Ball { radius },
+        (None, Some(half)) => Rule::Box { half },
+        (None, None) if weights.is_empty() => Rule::Whole,
+        (None, None) if joined.is_empty() => Rule::Linear { weights, offsets },
+        (None, None) => Rule::Joined { cells: Rule::Linear { weights, offsets }.into(), regions: joined },
     };
     let regions_of_rows = run_any(x.py(), None, |progress| {
         const BLOCK: usize = 16_384;

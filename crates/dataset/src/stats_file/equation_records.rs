@@ -106,6 +106,7 @@ enum PlainRule {
     Joined(Vec<Vec<f64>>, Vec<f64>, Vec<u32>),
     /// Of every cut the column, the threshold, and what follows below and above: a cut, or `-1 - region`.
     Tree(Vec<(u32, f64, i64, i64)>),
+    Box(f64),
 }
 
 /// Counts and ranges of an episode.
@@ -234,6 +235,7 @@ impl PlainRule {
     fn new(rule: &Rule) -> Self {
         match rule {
             Rule::Ball { radius } => Self::Ball(*radius),
+            Rule::Box { half } => Self::Box(*half),
             Rule::Linear { weights, offsets } => Self::Linear(weights.clone(), offsets.clone()),
             Rule::Joined { cells, regions } => match &**cells {
                 Rule::Linear { weights, offsets } => Self::Joined(weights.clone(), offsets.clone(), regions.clone()),
@@ -251,6 +253,7 @@ impl PlainRule {
         match self {
             Self::Whole => Ok(Rule::Whole),
             Self::Ball(radius) => Ok(Rule::Ball { radius }),
+            Self::Box(half) => Ok(Rule::Box { half }),
             Self::Linear(weights, offsets) => {
                 if weights.len() != offsets.len() || weights.iter().any(|row| row.len() != columns) {
                     return Err(format!("a partition over {columns} columns has weights of others"));

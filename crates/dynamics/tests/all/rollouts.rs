@@ -338,18 +338,20 @@ fn the_fast_path_has_the_bits_of_the_general_path() {
 }
 
 #[test]
-fn the_ball_partition_on_both_paths() {
-    let (mut model, source) = random_hybrid(4, 1, 2, 300);
-    model.partitions[0].rule = Rule::Ball { radius: 1.5 };
-    let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
-    let options = options(100, Method::Euler);
-    let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
-    let fast = Simulator::new(&model).unwrap();
-    assert!(fast.is_affine());
-    let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
-    assert_eq!(fast, general);
-    let inside = fast.iter().flatten().flat_map(|t| &t.regions).filter(|&&region| region == 0).count();
-    assert!(inside > 100 && inside < 4900, "both regions are visited: {inside}");
+fn balls_and_boxes_on_both_paths() {
+    for rule in [Rule::Ball { radius: 1.5 }, Rule::Box { half: 0.9 }] {
+        let (mut model, source) = random_hybrid(4, 1, 2, 300);
+        model.partitions[0].rule = rule;
+        let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
+        let options = options(100, Method::Euler);
+        let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
+        let fast = Simulator::new(&model).unwrap();
+        assert!(fast.is_affine());
+        let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
+        assert_eq!(fast, general);
+        let inside = fast.iter().flatten().flat_map(|t| &t.regions).filter(|&&region| region == 0).count();
+        assert!(inside > 100 && inside < 4900, "both regions are visited: {inside}");
+    }
 }
 
 #[test]

@@ -12,6 +12,7 @@ use crate::{Branch, Cut, Rule, Tree, UnseenLabel};
 pub(super) enum RuleText {
     Whole,
     Ball { radius: Real },
+    Box { half: Real },
     Linear { weights: Vec<Reals>, offsets: Reals },
     Joined { cells: Box<RuleText>, regions: Vec<u32> },
     Tree { cuts: Vec<CutText> },
@@ -39,6 +40,7 @@ impl From<&Rule> for RuleText {
         match rule {
             Rule::Whole => RuleText::Whole,
             Rule::Ball { radius } => RuleText::Ball { radius: Real(*radius) },
+            Rule::Box { half } => RuleText::Box { half: Real(*half) },
             Rule::Linear { weights, offsets } => RuleText::Linear { weights: rows(weights), offsets: reals(offsets) },
             Rule::Joined { cells, regions } => {
                 RuleText::Joined { cells: Box::new(RuleText::from(cells.as_ref())), regions: regions.clone() }
@@ -59,6 +61,7 @@ impl RuleText {
         match self {
             RuleText::Whole => Rule::Whole,
             RuleText::Ball { radius } => Rule::Ball { radius: radius.0 },
+            RuleText::Box { half } => Rule::Box { half: half.0 },
             RuleText::Linear { weights, offsets } => {
                 Rule::Linear { weights: weights.into_iter().map(floats).collect(), offsets: floats(offsets) }
             }

@@ -42,6 +42,14 @@ fn of_rule(rule: &Rule, axes: &[Axis], of_all: &str) -> Vec<Vec<String>> {
             let border = short(radius * radius);
             vec![vec![format!("where {sum} <= {border}")], vec![format!("where {sum} > {border}")]]
         }
+        Rule::Box { half } => {
+            let range = |axis: &Axis| {
+                let (low, high) = (axis.centre - half * axis.scale, axis.centre + half * axis.scale);
+                format!("{} <= {} <= {}", short(low), axis.name, short(high))
+            };
+            let ranges = axes.iter().map(range).collect::<Vec<_>>().join(" and ");
+            vec![vec![format!("where {ranges}")], vec!["elsewhere".to_owned()]]
+        }
         Rule::Linear { weights, offsets } => {
             let scores: Vec<Score> = weights.iter().zip(offsets).map(|(w, &b)| Score::new(w, b, axes)).collect();
             let is_nearest =

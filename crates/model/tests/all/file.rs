@@ -59,39 +59,43 @@ fn model(numbers: &[f64; 12]) -> Model {
         centre: vec![n(6), 0.0],
         scale: vec![1.5, 1.0],
         rule: Rule::Labels {
-            values: vec![0.0, 3.0],
-            names: vec!["ice".into(), "grass".into()],
-            rules: vec![Rule::voronoi(vec![vec![n(7)], vec![n(8)]]), Rule::Ball { radius: 1.5 }],
+            values: vec![0.0, 3.0, 4.0],
+            names: vec!["ice".into(), "grass".into(), "sand".into()],
+            rules: vec![
+                Rule::voronoi(vec![vec![n(7)], vec![n(8)]]),
+                Rule::Ball { radius: 1.5 },
+                Rule::Box { half: 1.25 },
+            ],
             unseen: UnseenLabel::Pool,
         },
         transitions: Some(Transitions {
-            counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
+            counts: (0..7).map(|from| (0..7).map(|to| from * 7 + to).collect()).collect(),
         }),
         phases: Some(Phases {
             specification: "stance".into(),
             bins: PhaseBins::Cyclic { period: 6.25, count: 3 },
-            rows: (0..3).map(|bin| (0..5).map(|region| bin * 11 + region).collect()).collect(),
+            rows: (0..3).map(|bin| (0..7).map(|region| bin * 11 + region).collect()).collect(),
             passages: vec![Passage { bin: 2, from: 0, to: 4, rows: u64::MAX }],
-            strides: (0..5).map(|from| (0..5).map(|to| from * 3 + to).collect()).collect(),
+            strides: (0..7).map(|from| (0..7).map(|to| from * 3 + to).collect()).collect(),
             stride_rows: 977,
             falling: true,
         }),
         pairs: vec![RegionPair { regions: [1, 3], statistic: n(4), freedom: 3, p: n(5) }],
         lattice: Some(Lattice {
-            joins: (0..4).map(|i| Join { kept: 0, gone: 4 - i, training: n(i as usize) }).collect(),
+            joins: (0..6).map(|i| Join { kept: 0, gone: 6 - i, training: n(i as usize) }).collect(),
             levels: vec![Level { regions: 5, training: n(3), held_out: f64::NAN, standard_error: n(1), bic: n(2) }],
         }),
         correlation: Some(ResidualCorrelation { lags: vec![vec![0.75], vec![-0.25]] }),
     }];
-    model.summaries = vec![(0..5).map(region).collect::<Vec<_>>().into()];
+    model.summaries = vec![(0..7).map(region).collect::<Vec<_>>().into()];
     model.latents = vec![Latent {
         beyond: Vec::new(),
         name: "f_x".into(),
         library: 0,
         partition: 0,
         map: AffineMap {
-            constants: (0..5).map(n).collect(),
-            coefficients: (0..5).map(|i| vec![n(i), n(i + 1)]).collect(),
+            constants: (0..7).map(n).collect(),
+            coefficients: (0..7).map(|i| vec![n(i), n(i + 1)]).collect(),
         }
         .into(),
     }];
@@ -192,8 +196,8 @@ fn phases_and_pairs_of_other_regions_are_refused() {
         Model::from_json(&broken.to_json(), "broken.json").expect_err("contradicts itself").to_string()
     };
     let strides = refused(&|partition| partition.phases.iter_mut().for_each(|phases| phases.strides.truncate(4)));
-    assert!(strides.contains("3 bins and 5 regions"), "{strides}");
-    for pair in [[3, 3], [1, 5], [2, 1]] {
+    assert!(strides.contains("3 bins and 7 regions"), "{strides}");
+    for pair in [[3, 3], [1, 7], [2, 1]] {
         let error = refused(&|partition| partition.pairs[0].regions = pair);
         assert!(error.contains(&format!("{} and {} are no pair", pair[0], pair[1])), "{error}");
     }

@@ -16,6 +16,7 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("sindy", sindy()),
         ("pwa", pwa(9, 1)),
         ("ball", ball()),
+        ("boxed", boxed()),
         ("joined", joined()),
         ("tree", tree()),
         ("labels_tree", labels_tree()),
@@ -171,6 +172,25 @@ fn ball() -> Model {
     let partition = maker.partition("zscore", &["a", "b"], Rule::Ball { radius: 1.3 });
     maker.latent("f_a", library, partition, 1.0);
     maker.latent("f_b", library, partition, 1.0);
+    maker.equation("a", Prediction::Next, "f_a");
+    maker.equation("b", Prediction::Difference, "0.1*f_b - 0.2*f_a*b");
+    maker.finish()
+}
+
+/// The z-score box, as a division of labels too.
+fn boxed() -> Model {
+    let mut maker = Maker::new(12, "pwa zbox", &[("a", STATE), ("b", STATE), ("u", INPUT), ("mode", INPUT)]);
+    let library = maker.library(&["a", "b", "u"]);
+    let plain = maker.partition("zbox", &["a", "b"], Rule::Box { half: 0.8 });
+    let rule = Rule::Labels {
+        values: vec![0.0, 1.0],
+        names: vec!["ice".into(), "grass".into()],
+        rules: vec![Rule::Box { half: 0.6 }, Rule::Box { half: 1.1 }],
+        unseen: UnseenLabel::Refuse,
+    };
+    let labels = maker.partition("labels:mode", &["a", "b", "mode"], rule);
+    maker.latent("f_a", library, plain, 1.0);
+    maker.latent("f_b", library, labels, 1.0);
     maker.equation("a", Prediction::Next, "f_a");
     maker.equation("b", Prediction::Difference, "0.1*f_b - 0.2*f_a*b");
     maker.finish()

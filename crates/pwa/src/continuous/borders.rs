@@ -26,6 +26,7 @@ pub(crate) fn check(problem: &Problem, partitions: &[Specification]) -> Result<V
             ..
         }
         | Specification::ZScore(_)
+        | Specification::ZBox(_)
         | Specification::Lattice(_) => false,
     };
     if let Some(other) = partitions.iter().find(|one| !linear(one)) {
@@ -44,7 +45,7 @@ pub(crate) fn borders(rule: &Rule, columns: &[Vec<f64>], (centre, scale): (&[f64
     let mut borders = match rule {
         Rule::Linear { weights, offsets } => separated(weights, offsets, columns, (centre, scale)),
         Rule::Tree(tree) => cut(tree, columns, (centre, scale)),
-        Rule::Whole | Rule::Ball { .. } | Rule::Joined { .. } | Rule::Labels { .. } => Vec::new(),
+        Rule::Whole | Rule::Ball { .. } | Rule::Box { .. } | Rule::Joined { .. } | Rule::Labels { .. } => Vec::new(),
     };
     for border in &mut borders {
         let length = border.normal.iter().map(|v| v * v).sum::<f64>().sqrt();

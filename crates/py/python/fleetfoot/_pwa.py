@@ -22,12 +22,12 @@ class PWA(Identifier):
     Parameters
     ----------
     partition : int, str or list, optional
-        ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"refined:5"``
-        (regions that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"tree:3"``
-        (cuts of single columns, three at most one after another), ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``,
-        ``"labels:COLUMN+refined:5"``, ``"labels:COLUMN+tree:3"``; from a list, or a range ``"refined:2..20"``,
-        ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. Default: those of the recipe or the statistic, else
-        ``["average", 2, 5, 10]``, for a statistic without regions ``"average"``.
+        ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"zbox:1.5"``, ``"kmeans:10"`` (or ``10``),
+        ``"refined:5"`` (regions that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both),
+        ``"tree:3"`` (cuts of single columns, three at most one after another), ``"labels:COLUMN"``,
+        ``"labels:COLUMN+kmeans:5"``, ``"labels:COLUMN+refined:5"``, ``"labels:COLUMN+tree:3"``; from a list, or a range
+        ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. Default: those of the recipe or the
+        statistic, else ``["average", 2, 5, 10]``, for a statistic without regions ``"average"``.
     target : str, optional
         ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). Default: that of the recipe, else
         ``"derivative"``.

@@ -54,7 +54,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
         Or partitions with their own numbers of regions, instead of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``,
         ``"lattice:2..50"``, ``"tree:1..6"`` (depth of the tree), ``"zscore:1.5"`` (inside and outside a ball of that
-        many standard deviations), ``"average"`` (one region), ``"null"`` (the mean). From a list one is chosen:
+        many standard deviations), ``"zbox:1.5"`` (a box of that half width), ``"average"`` (one region), ``"null"``
+        (the mean). From a list one is chosen:
         ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
         Features that define the regions; default: all. The affine maps use all features.
@@ -281,6 +282,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "joined": fit.joined,
             "cuts": fit.cuts,
             "radius": fit.radius,
+            "half": fit.half,
         }
         cuts = [(features[column], threshold, below, above) for column, threshold, below, above in fit.cuts]
         self.cuts_ = cuts or None

@@ -63,3 +63,4 @@ class PwaRule(TypedDict):
     joined: list[int]
     cuts: list[tuple[int, float, int, int]]
     radius: float | None
+    half: float | None

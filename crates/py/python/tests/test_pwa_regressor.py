@@ -99,7 +99,7 @@ def test_maps_of_separate_regions_are_recovered() -> None:
 
 
 @pytest.mark.parametrize("weighted", [False, True])
-@pytest.mark.parametrize("partition", ["kmeans:7", "zscore:1.2", "average", "null"])
+@pytest.mark.parametrize("partition", ["kmeans:7", "zscore:1.2", "zbox:1.2", "average", "null"])
 def test_regions_are_least_squares_fits(partition: str, weighted: bool) -> None:
     X, y, _ = _data(noise=0.5)
     weight = np.random.RandomState(1).uniform(0.5, 2.0, len(X)) if weighted else None
@@ -117,6 +117,10 @@ def test_regions_are_least_squares_fits(partition: str, weighted: bool) -> None:
     if partition == "zscore:1.2":
         z = (X - X.mean(axis=0)) / X.std(axis=0)
         np.testing.assert_array_equal(model.labels_, ((z**2).sum(axis=1) > 1.2**2).astype(int))
+    if partition == "zbox:1.2":
+        z = (X - X.mean(axis=0)) / X.std(axis=0)
+        np.testing.assert_array_equal(model.labels_, (np.abs(z).max(axis=1) > 1.2).astype(int))
+        np.testing.assert_array_equal(model.labels_, model.apply(X))
 
 
 def test_the_number_of_regions_is_chosen_by_cross_validation() -> None:

@@ -32,7 +32,7 @@ use crate::{
 
 /// The models of Table I. A ball of 1.5 standard deviations is nearly empty in as many dimensions as the partition has, whose mean square distance
 /// from the centre is their number; one of 4 is about half full.
-const PARTITIONS: &str = "null,average,zscore:1.5,zscore:4,kmeans:10,kmeans:50";
+const PARTITIONS: &str = "null,average,zbox:1.5,kmeans:10,kmeans:50";
 /// The file of the one that cross-validation chooses.
 const MODEL: &str = "model.json";
 /// The finest of them.
