@@ -61,6 +61,14 @@ pub enum ExportError {
         /// The most there may be.
         most: usize,
     },
+    /// A part of the model that a network of ONNX does not have.
+    #[error("ONNX networks cannot have {part}; {remedy}")]
+    Unwritable {
+        /// The part.
+        part: String,
+        /// What to do instead.
+        remedy: &'static str,
+    },
     /// A step that is not positive.
     #[error("a step of {0} s; the step must be a positive number of seconds")]
     Step(f64),

@@ -1,4 +1,4 @@
-//! Models and filters as C, Rust, Python, LaTeX and NumPy arrays.
+//! Models and filters as C, Rust, Python, LaTeX, NumPy arrays and ONNX networks; networks read from ONNX.
 //!
 //! A model is first written as a small imperative program ([`Target::C`], [`Target::Rust`] and [`Target::Python`] print
 //! the same one), with the engine's operations in the engine's order. Candidate functions are straight-line code with
@@ -44,6 +44,7 @@ mod layout;
 mod lower;
 mod names;
 mod npz;
+mod onnx;
 mod options;
 mod plan;
 mod print;
@@ -61,6 +62,7 @@ mod zip;
 pub use cost::{Cost, Operations};
 pub use error::ExportError;
 pub use filter::export_filter;
+pub use onnx::{OnnxError, OnnxNetwork};
 pub use options::{ExportOptions, Precision, StepMethod, Target};
 pub use vectors::{Signals, TestResult, TestVector, evaluate_at, signals, test_vectors};
 
@@ -86,7 +88,7 @@ impl ExportedFile {
 pub struct Export {
     /// The files.
     pub files: Vec<ExportedFile>,
-    /// Cost of the code; `None` without code (LaTeX, npz).
+    /// Cost of the code; `None` without code (LaTeX, npz, ONNX).
     pub cost: Option<Cost>,
 }
 
@@ -104,6 +106,7 @@ pub fn export(model: &Model, options: &ExportOptions, vectors: &[TestVector]) ->
     match options.target {
         Target::Latex => return Ok(Export { files: vec![latex::file(model, options)], cost: None }),
         Target::Npz => return Ok(Export { files: vec![npz::file(model, options)], cost: None }),
+        Target::Onnx => return Ok(Export { files: vec![onnx::file(model, options)?], cost: None }),
         Target::C | Target::Rust | Target::Python => {}
     }
     let precision = if options.target == Target::Python { Precision::Double } else { options.precision };
@@ -113,7 +116,7 @@ pub fn export(model: &Model, options: &ExportOptions, vectors: &[TestVector]) ->
     let files = match options.target {
         Target::Rust => vec![rust::file(&assembled, options, &cost)],
         Target::Python => vec![python::file(&assembled, options)],
-        Target::C | Target::Latex | Target::Npz => {
+        Target::C | Target::Latex | Target::Npz | Target::Onnx => {
             let mut files = c::files(&assembled, options, &cost);
             files.push(c_test::file(&assembled, options, vectors));
             files

@@ -15,6 +15,8 @@ pub enum Target {
     Latex,
     /// Arrays for NumPy.
     Npz,
+    /// A network for runtimes of ONNX.
+    Onnx,
 }
 
 /// Floating-point numbers of the code.
@@ -42,7 +44,7 @@ pub enum StepMethod {
 pub struct ExportOptions {
     /// The language.
     pub target: Target,
-    /// The numbers (C and Rust; Python has 64 bits).
+    /// The numbers (C, Rust and ONNX; Python has 64 bits).
     pub precision: Precision,
     /// In front of all names: an identifier of lower-case letters, digits and `_`.
     pub prefix: String,

@@ -40,7 +40,7 @@ pub struct Exported {
 pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[PathBuf]) -> Result<Exported, Error> {
     let vectors = match options.target {
         Target::C | Target::Rust | Target::Python => engine_vectors(model, options, VECTORS, SEED)?,
-        Target::Latex | Target::Npz => Vec::new(),
+        Target::Latex | Target::Npz | Target::Onnx => Vec::new(),
     };
     let exported = fleetfoot_codegen::export(model, options, &vectors)?;
     let files = write(&exported.files, folder, inputs)?;

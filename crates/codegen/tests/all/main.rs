@@ -9,4 +9,5 @@ mod export;
 mod filter;
 #[path = "../../../model/tests/all/models.rs"]
 mod models;
+mod onnx;
 mod transitions;
