@@ -43,7 +43,7 @@ const ARROWS: [(&str, &[&str]); 32] = [
     (
         "fleetfoot-fit",
         &[
-            // Of `codegen` and `control` their errors, of `report` its words for numbers.
+            // Of `codegen` the networks of ONNX files, of `codegen` and `control` their errors, of `report` its words.
             "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "output", "sums", "pwa",
             "sparse", "estimate", "learn", "report", "recipe", "task", "dataset",
         ],

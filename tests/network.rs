@@ -10,7 +10,7 @@ fn draw(key: u64) -> f64 {
 }
 
 /// A cart on a spring that hardens, pushed at random; `cubic` is how much it hardens. Measured with a little noise.
-fn spring(rows: usize, seed: u64, cubic: f64) -> String {
+pub(crate) fn spring(rows: usize, seed: u64, cubic: f64) -> String {
     let (mut text, mut x, mut v, mut u) = (String::from("t,x,v,u\n"), 0.3, 0.0, 0.0);
     for k in 0..rows {
         if k % 25 == 0 {

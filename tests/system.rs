@@ -26,6 +26,7 @@ mod narx;
 mod narx_search;
 mod network;
 mod objective;
+mod onnx;
 mod outside;
 mod parameters;
 mod prepare;

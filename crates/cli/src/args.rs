@@ -8,6 +8,7 @@ mod export;
 mod filter;
 mod frequency;
 mod generate;
+mod import;
 mod narx;
 mod parameters;
 mod prepare;
@@ -30,6 +31,7 @@ pub(crate) use filter::Filter;
 use fleetfoot::{Lags, NetworkSection, PwaSection, whole};
 pub(crate) use frequency::Frequency;
 pub(crate) use generate::{Generate, LogFormat, Speed};
+pub(crate) use import::Import;
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
@@ -124,9 +126,12 @@ pub(crate) enum Command {
     /// Print a model's equations and regions, or a controller's set point and gains.
     #[command(after_help = examples::SHOW)]
     Show(Show),
-    /// Write a model as C, Rust, Python, LaTeX or arrays.
+    /// Write a model as C, Rust, Python, LaTeX, arrays or an ONNX network.
     #[command(after_help = examples::EXPORT)]
     Export(Export),
+    /// Make a model of a feed-forward network that another program trained (ONNX).
+    #[command(after_help = examples::IMPORT)]
+    Import(Import),
     /// Simulate a robot: logs with known truth, and the recipe to fit them.
     #[command(after_help = examples::GENERATE)]
     Generate(Box<Generate>),

@@ -18,6 +18,7 @@ pub(crate) mod fit_sparse;
 pub(crate) mod flags;
 pub(crate) mod frequency;
 pub(crate) mod generate;
+pub(crate) mod import;
 pub(crate) mod info;
 pub(crate) mod init;
 pub(crate) mod man;

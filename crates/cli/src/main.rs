@@ -67,6 +67,7 @@ fn main() -> ExitCode {
         Command::Filter(arguments) => commands::filter::filter(arguments, &context),
         Command::Frequency(arguments) => commands::frequency::run(arguments, &context),
         Command::Resimulate(arguments) => commands::resimulate::resimulate(arguments, &context),
+        Command::Import(arguments) => commands::import::import(arguments, &context),
         Command::Generate(arguments) => commands::generate::generate(arguments, &context),
         Command::Report(arguments) => commands::report::report(arguments, &context),
         Command::Show(arguments) => commands::show::show(arguments, &context),

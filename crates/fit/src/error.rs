@@ -55,6 +55,14 @@ pub enum Error {
     /// The model cannot be written in another language.
     #[error(transparent)]
     Export(#[from] fleetfoot_codegen::ExportError),
+    /// A network of another program cannot become a model.
+    #[error("{}: {source}", path.display())]
+    Import {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        source: fleetfoot_codegen::OnnxError,
+    },
     /// Prediction, scoring or rolling out failed.
     #[error(transparent)]
     Dynamics(#[from] fleetfoot_dynamics::Error),

@@ -16,6 +16,7 @@ mod concentration;
 mod constant;
 mod error;
 mod folds;
+mod imported;
 mod incomplete;
 mod interval;
 mod json;
@@ -53,6 +54,7 @@ pub use bounded_maps::{BoundedCandidate, BoundedMaps, PassiveMaps, PassivePort, 
 pub use by_time::{ByTime, TargetByTime};
 pub use error::Error;
 pub use folds::FoldRule;
+pub use imported::{ImportedModel, import_network};
 pub use interval::Interval;
 pub use known::{KnownModel, is_known, known_model};
 pub use limit_report::{FreeErrors, LimitReport, LimitSide};

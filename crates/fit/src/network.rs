@@ -253,7 +253,7 @@ impl Method for Network {
 
 /// The recipe with a prediction: where none is given, that of the change from row to row, whose past rows are regressors. A central difference reads the rows beside it,
 /// and their noise would explain its own; a measured or a known derivative stays.
-fn predicting(recipe: &Recipe) -> Recipe {
+pub(crate) fn predicting(recipe: &Recipe) -> Recipe {
     let mut adapted = recipe.clone();
     let has_derivative = |state: &State| state.derivative.is_some() || state.known.is_some();
     if recipe.model.predict.is_none() && !recipe.states.values().any(has_derivative) {

@@ -160,7 +160,13 @@ Examples:
 pub(crate) const EXPORT: &str = "\
 Examples:
   fleetfoot export model.json --to c --precision float --prefix robot --discretize 0.002 -o src/
-  fleetfoot export model.json --to latex";
+  fleetfoot export model.json --to latex
+  fleetfoot export network.json --to onnx --precision float";
+
+pub(crate) const IMPORT: &str = "\
+Examples:
+  fleetfoot import net.onnx training/ -c robot.toml -o model.json
+  fleetfoot import net.onnx -c robot.toml --dt 0.02";
 
 pub(crate) const GENERATE: &str = "\
 Examples:

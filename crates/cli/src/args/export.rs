@@ -12,7 +12,7 @@ pub(crate) struct Export {
     /// Language or format to write.
     #[arg(long, value_enum)]
     pub(crate) to: ExportTo,
-    /// Floating-point numbers of C and Rust: 32 or 64 bits.
+    /// Floating-point numbers of C, Rust and ONNX: 32 or 64 bits.
     #[arg(long, value_enum, default_value_t = ExportPrecision::Double)]
     pub(crate) precision: ExportPrecision,
     /// Prefix of all names, and name of the files: lower-case letters, digits and _.
@@ -50,6 +50,8 @@ pub(crate) enum ExportTo {
     Latex,
     /// Arrays for NumPy.
     Npz,
+    /// A network for runtimes of ONNX, of a model that is one.
+    Onnx,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

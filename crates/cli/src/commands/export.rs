@@ -52,6 +52,7 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
         ExportTo::Python => Target::Python,
         ExportTo::Latex => Target::Latex,
         ExportTo::Npz => Target::Npz,
+        ExportTo::Onnx => Target::Onnx,
     });
     options.precision = match arguments.precision {
         ExportPrecision::Float => Precision::Float,
