@@ -93,7 +93,7 @@ pub(crate) fn of_engine(error: impl Into<Error>) -> PyErr {
         }
         Error::Dataset(error) => of_dataset(error),
         Error::World { .. } | Error::Specification(_) => Kind::Request,
-        Error::Export(_) | Error::Dynamics(_) | Error::Control(_) => Kind::Model,
+        Error::Export(_) | Error::Import { .. } | Error::Dynamics(_) | Error::Control(_) => Kind::Model,
         Error::Merge(_) => Kind::Statistic,
         _ => Kind::Fit,
     };

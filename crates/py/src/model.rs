@@ -11,6 +11,7 @@ use numpy::{PyArray1, PyArrayDyn};
 use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
+    data::Data,
     error::{Kind, OrRaise},
     points::{Given, PointBatch, Rows, array, by_point, points},
     recipe::of_json,
@@ -116,6 +117,23 @@ impl Model {
     #[staticmethod]
     fn from_json(text: &str, name: &str) -> PyResult<Self> {
         guard(|| Self::new(fleetfoot::Model::from_json(text, name).or_raise(Kind::Model)?))
+    }
+
+    /// The model of a network that another program trained, by a recipe (TOML).
+    #[staticmethod]
+    #[pyo3(signature = (path, recipe_text, data, dt))]
+    fn of_network(
+        py: Python<'_>,
+        path: PathBuf,
+        recipe_text: &str,
+        data: Option<&Data>,
+        dt: Option<f64>,
+    ) -> PyResult<Self> {
+        let imported = run(py, None, |progress| {
+            let recipe = fleetfoot::Recipe::parse(recipe_text, "the recipe")?;
+            fleetfoot::import_network(&path, &recipe, data.map(|data| &data.logs), dt, progress)
+        })?;
+        guard(|| Self::new(imported.model))
     }
 
     fn to_json(&self) -> String {
@@ -361,8 +379,11 @@ fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str
         "python" => Target::Python,
         "latex" => Target::Latex,
         "npz" => Target::Npz,
+        "onnx" => Target::Onnx,
         other => {
-            return Err(Kind::Model.error(format!("to={other:?}: give 'c', 'rust', 'python', 'latex' or 'npz'")));
+            return Err(
+                Kind::Model.error(format!("to={other:?}: give 'c', 'rust', 'python', 'latex', 'npz' or 'onnx'"))
+            );
         }
     });
     options.precision = match precision {

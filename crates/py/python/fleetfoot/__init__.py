@@ -27,7 +27,7 @@ from ._stlsq import STLSQ
 # -- identification
 from ._block_sparse import BlockSparse
 from ._controller import Controller
-from ._model import Model, load
+from ._model import Model, import_model, load
 from ._narx import NARX
 from ._network import Network
 from ._parameters import Parameters
@@ -94,6 +94,7 @@ __all__ = [
     "Network",
     "Parameters",
     "SINDy",
+    "import_model",
     "load",
     # -- statistics
     "Certificate",

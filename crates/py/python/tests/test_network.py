@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fleetfoot as ff
-from fleetfoot.exceptions import RequestError
+from fleetfoot.exceptions import ModelError, RequestError
 
 
 def table(curved, count=1500, seed=5):
@@ -63,3 +63,18 @@ def test_the_command_writes_the_same_model(tmp_path):
 def test_untrainable_networks_are_refused():
     with pytest.raises(RequestError, match="units of every hidden layer"):
         fit(True, hidden=[0])
+
+
+def test_networks_survive_export_and_import(tmp_path):
+    fitted = fit(True, hidden=8)
+    (file,) = fitted.model_.export("onnx", tmp_path, prefix="surface")
+    recipe = {"inputs": {"x": {}, "z": {}}, "model": {"predict": "y"}}
+    again = ff.import_model(file, recipe)
+    assert again.method == "imported network 8 tanh" and again.outputs == ["y"]
+    parts = [json.loads(model.to_json())["model"]["latents"][0] for model in (fitted.model_, again)]
+    for name in ("constants", "coefficients"):
+        np.testing.assert_allclose(*(np.array(part[name], float) for part in parts), rtol=1e-12)
+    with pytest.raises(RequestError, match="time between rows"):
+        ff.import_model(file, {"states": {"x": {}, "z": {}}})
+    with pytest.raises(ModelError, match="2 inputs.*recipe has 1"):
+        ff.import_model(file, {"inputs": {"x": {}}, "model": {"predict": "y"}})
