@@ -239,7 +239,7 @@ fn impossible_networks_are_refused() {
     let single_row = ["fit", "network", "one.csv", "--states", "x,v", "--inputs", "u", "--predict", "next"];
     fleetfoot(folder.path(), &single_row).fails(&["row"]);
     fleetfoot(folder.path(), &["scan", "run.csv", "--states", "x,v", "-o", "run.stats"]).ok();
-    fleetfoot(folder.path(), &["fit", "network", "run.stats"]).fails(&["trains on rows, which a statistic has not"]);
+    fleetfoot(folder.path(), &["fit", "network", "run.stats"]).fails(&["trains on rows, and a statistic has none"]);
     // Sizes that rows do not suffice for are not compared.
     let output = fleetfoot(folder.path(), &[&FIT[..], &["-o", "few.json"]].concat()).ok();
     assert!(output.err.contains("no network was compared: the linear model is written"), "{}", output.err);

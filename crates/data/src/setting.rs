@@ -1,7 +1,7 @@
 //! Names of settings, of sections of a recipe, and of commands in messages.
 //!
 //! A library never writes `--folds`. It writes the constant, and the front end words it: the command line as
-//! `--folds 2`, Python as `folds=2`. A front end sets its wording by [`word_as`], once, when it starts. The default is
+//! `--folds 2`, Python as `folds=2`. A front end sets its wording by [`word_as`] when it starts. The default is
 //! that of the command line.
 //!
 //! ```
@@ -15,7 +15,7 @@
 
 use std::{
     fmt::{self, Display},
-    sync::OnceLock,
+    sync::{PoisonError, RwLock},
 };
 
 /// Wording of settings, sections and commands in a front end.
@@ -34,19 +34,20 @@ pub trait Wording: Send + Sync {
     fn command(&self, command: Command, setting: Option<&str>) -> String;
 }
 
-static WORDING: OnceLock<&'static dyn Wording> = OnceLock::new();
+static WORDING: RwLock<&'static dyn Wording> = RwLock::new(&Flags);
 
-/// Gives all messages of this process the words of a front end. The first call holds.
+/// Gives all messages of this process the words of a front end. The last call holds: the command within the Python
+/// package has the words of the command line.
 pub fn word_as(wording: &'static dyn Wording) {
-    let _ = WORDING.set(wording);
+    *WORDING.write().unwrap_or_else(PoisonError::into_inner) = wording;
 }
 
 fn wording() -> &'static dyn Wording {
-    *WORDING.get().unwrap_or(&(&Flags as &dyn Wording))
+    *WORDING.read().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The words of the command line: flags, sections of the recipe, commands.
-struct Flags;
+pub struct Flags;
 
 impl Wording for Flags {
     fn setting(&self, setting: Setting, value: Option<&str>) -> String {

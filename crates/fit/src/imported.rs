@@ -60,13 +60,13 @@ pub fn import_network(
         (None, _) => unseen(&recipe, step)?,
         (Some(_), Some(step)) => {
             return Err(Error::conflict(format!(
-                "{}: the logs give the time between rows; leave it away",
+                "{}: the logs give the time between rows; remove it",
                 DT.to(step)
             )));
         }
         (Some(logs), None) if logs.is_statistic() => {
             return Err(Error::needs_rows(
-                "residuals need rows, which a statistic has not; give the logs instead".into(),
+                "residuals need rows, and a statistic has none; give the logs instead".into(),
             ));
         }
         // The linear model of the same regressors has all statistics of the rows but residuals.
@@ -223,7 +223,7 @@ fn refuse(recipe: &Recipe) -> Result<(), Error> {
     match &recipe.model.weight {
         None => Ok(()),
         Some(weight) => {
-            Err(Error::conflict(format!("weight = \"{weight}\": nothing is fitted to rows; leave it away")))
+            Err(Error::conflict(format!("weight = \"{weight}\": nothing is fitted to rows; remove it")))
         }
     }
 }
@@ -246,8 +246,8 @@ fn fields(recipe: &Recipe) -> Vec<DataColumn> {
             Some(Derivative::Text(text)) if !Derivative::is_word(text) => Some(text.clone()),
             _ => None,
         };
-        let own = state.column.clone().unwrap_or_else(|| name_text(name));
-        [Some(own), state.known.clone(), derivative].into_iter().flatten().collect::<Vec<String>>()
+        let column = state.column.clone().unwrap_or_else(|| name_text(name));
+        [Some(column), state.known.clone(), derivative].into_iter().flatten().collect::<Vec<String>>()
     });
     let inputs = recipe.inputs.iter().map(|(name, input)| input.table().column.unwrap_or_else(|| name_text(name)));
     let predicted = recipe.model.predict.iter().flat_map(|text| items(text));

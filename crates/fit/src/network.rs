@@ -106,7 +106,7 @@ impl Method for Network {
         match task.problem.weight {
             None => Ok((dataset, task)),
             Some(weight) => Err(Error::conflict(format!(
-                "weight = \"{weight}\": {FIT_NETWORK} has no weights of rows; leave it away"
+                "weight = \"{weight}\": {FIT_NETWORK} has no weights of rows; remove it"
             ))),
         }
     }
@@ -120,7 +120,7 @@ impl Method for Network {
         _: &dyn Progress,
     ) -> Result<(Task, Self::Sums), Error> {
         Err(Error::needs_rows(format!(
-            "{FIT_NETWORK} trains on rows, which a statistic has not; give the logs instead"
+            "{FIT_NETWORK} trains on rows, and a statistic has none; give the logs instead"
         )))
     }
 

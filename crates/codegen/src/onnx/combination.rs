@@ -36,7 +36,7 @@ pub(super) struct Combination {
     units: Rows,
 }
 
-/// Hidden layers found so far.
+/// Hidden layers so far.
 #[derive(Debug, Default)]
 pub(super) struct Hidden {
     /// Centre and scale by which the network standardises its inputs.

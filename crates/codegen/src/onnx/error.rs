@@ -53,7 +53,7 @@ pub enum OnnxError {
     },
     /// The network has another number of inputs or outputs.
     #[error(
-        "the network has {found} {what}, and the recipe has {}: {}; name in the recipe what the network reads and predicts, in its order",
+        "the network has {actual} {what}, and the recipe has {}: {}; name in the recipe what the network reads and predicts, in its order",
         names.len(),
         listed(names)
     )]
@@ -61,7 +61,7 @@ pub enum OnnxError {
         /// `inputs` or `outputs`.
         what: &'static str,
         /// Their number in the network.
-        found: usize,
+        actual: usize,
         /// Their names in the recipe.
         names: Vec<String>,
     },

@@ -141,10 +141,10 @@ fn shape(value: &ValueProto, what: &str) -> Result<(Option<i64>, usize), OnnxErr
     }
 }
 
-fn size(what: &'static str, found: usize, names: &[String]) -> Result<(), OnnxError> {
-    match found == names.len() {
+fn size(what: &'static str, actual: usize, names: &[String]) -> Result<(), OnnxError> {
+    match actual == names.len() {
         true => Ok(()),
-        false => Err(OnnxError::Size { what, found, names: names.to_vec() }),
+        false => Err(OnnxError::Size { what, actual, names: names.to_vec() }),
     }
 }
 

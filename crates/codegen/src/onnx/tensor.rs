@@ -60,9 +60,9 @@ impl Constant {
     /// The rows of a matrix with so many rows, transposed on request.
     pub(super) fn matrix(&self, transposed: bool, rows: usize) -> Option<Vec<Vec<f64>>> {
         let &[height, width] = self.dims.as_slice() else { return None };
-        let (found, columns) = if transposed { (width, height) } else { (height, width) };
+        let (inner, columns) = if transposed { (width, height) } else { (height, width) };
         let at = |i: usize, k: usize| self.values[if transposed { k * width + i } else { i * width + k }];
-        (found == rows).then(|| (0..rows).map(|i| (0..columns).map(|k| at(i, k)).collect()).collect())
+        (inner == rows).then(|| (0..rows).map(|i| (0..columns).map(|k| at(i, k)).collect()).collect())
     }
 }
 

@@ -83,10 +83,10 @@ impl Net {
 
 /// Rounding of a few sums of numbers of size one.
 #[track_caller]
-fn close(found: &[f64], expected: &[f64]) {
-    assert_eq!(found.len(), expected.len());
-    for (found, expected) in found.iter().zip(expected) {
-        assert!((found - expected).abs() <= 1e-14 * expected.abs().max(1.0), "{found} {expected}");
+fn close(actual: &[f64], expected: &[f64]) {
+    assert_eq!(actual.len(), expected.len());
+    for (actual, expected) in actual.iter().zip(expected) {
+        assert!((actual - expected).abs() <= 1e-14 * expected.abs().max(1.0), "{actual} {expected}");
     }
 }
 
@@ -353,8 +353,8 @@ proptest! {
             before = names[3].clone();
         }
         // Sums of at most five terms a layer, of numbers below ten.
-        for (found, expected) in net.at(&x).iter().zip(&values) {
-            prop_assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        for (actual, expected) in net.at(&x).iter().zip(&values) {
+            prop_assert!((actual - expected).abs() < 1e-12, "{actual} {expected}");
         }
     }
 }

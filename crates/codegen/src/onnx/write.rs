@@ -115,7 +115,7 @@ fn library<'a>(model: &'a Model, latents: &[&Latent]) -> Result<&'a [Expr], Expo
 
 /// The hidden layers that the latents share; `None` if all are affine.
 fn network(latents: &[&Latent]) -> Result<Option<Arc<Network>>, ExportError> {
-    let mut found: Option<(&Latent, Arc<Network>)> = None;
+    let mut shared: Option<(&Latent, Arc<Network>)> = None;
     for latent in latents {
         let network = match &latent.map {
             Map::Basis(map) => match &map.basis {
@@ -127,8 +127,8 @@ fn network(latents: &[&Latent]) -> Result<Option<Arc<Network>>, ExportError> {
             },
             _ => continue,
         };
-        match &found {
-            None => found = Some((latent, network.clone())),
+        match &shared {
+            None => shared = Some((latent, network.clone())),
             Some((_, known)) if known == network => {}
             Some((first, _)) => {
                 let text = format!("the network of {}, which is not that of {}", latent.name, first.name);
@@ -136,7 +136,7 @@ fn network(latents: &[&Latent]) -> Result<Option<Arc<Network>>, ExportError> {
             }
         }
     }
-    Ok(found.map(|(_, network)| network))
+    Ok(shared.map(|(_, network)| network))
 }
 
 struct Writer {
