@@ -53,8 +53,9 @@ test-python: target/maturin/bin/maturin $(VENV)/installed
 	$(PYTHON) -m venv $(ALONE)
 	$(ALONE)/bin/pip install --quiet $(WHEELS)/test/*.whl
 	$(ALONE)/bin/python crates/py/python/tests/smoke.py
+	bash .github/smoke.sh $(ALONE)/bin/fleetfoot
 	$(VENV)/bin/pip install --quiet --force-reinstall --no-deps $(WHEELS)/test/*.whl
-	cd crates/py && FLEETFOOT_PEERS=installed FLEETFOOT_BIN=$(wildcard $(CURDIR)/target/debug/fleetfoot) ../../$(VENV)/bin/python -m pytest -q -n auto --dist loadfile
+	cd crates/py && FLEETFOOT_PEERS=installed ../../$(VENV)/bin/python -m pytest -q -n auto --dist loadfile
 	cd crates/py && ../../$(VENV)/bin/python -m pytest -q --pyargs --doctest-modules fleetfoot
 	$(MAKE) lint-python
 
@@ -70,7 +71,7 @@ $(VENV)/installed: crates/py/requirements-test.txt
 # Types: the stubs say what the module does, and the package what it takes.
 lint-python:
 	cd crates/py && ../../$(VENV)/bin/python -m mypy.stubtest fleetfoot._core --allowlist stubtest-allowlist.txt
-	cd crates/py && ../../$(VENV)/bin/python -m mypy --config-file pyproject.toml python/fleetfoot
+	cd crates/py && ../../$(VENV)/bin/python -m mypy --config-file pyproject.toml python/fleetfoot python/fleetfoot_command
 
 target/maturin/bin/maturin:
 	$(PYTHON) -m venv target/maturin

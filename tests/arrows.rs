@@ -86,7 +86,8 @@ const ARROWS: [(&str, &[&str]); 32] = [
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),
-    ("fleetfoot-py", &["fleetfoot"]),
+    // The wheel has the command, too.
+    ("fleetfoot-py", &["fleetfoot", "cli"]),
 ];
 
 #[test]

@@ -44,6 +44,8 @@ use crate::progress::Bar;
 
 /// Settings and streams that all commands share.
 pub(crate) struct Context {
+    /// Name of the program, as the user typed it.
+    pub(crate) program: String,
     pub(crate) json: bool,
     pub(crate) quiet: bool,
     /// True to explain the headings of tables.

@@ -1,8 +1,9 @@
 //! Errors for people: expressions with a mark under the place.
 
 use std::{
+    ffi::OsString,
     fmt::Display,
-    io::{Write, stderr},
+    io::{Write, stderr, stdout},
 };
 
 use clap::error::ErrorKind;
@@ -28,16 +29,19 @@ pub(crate) fn report(error: Error) {
     }
 }
 
-/// Prints what is wrong with the arguments, and ends the program: the method of a fit stands before its options.
-pub(crate) fn usage(error: &clap::Error) -> ! {
-    let mut arguments = std::env::args().skip(1);
+/// Prints help, the version or the fault of the arguments, and returns the exit code. The method of a fit stands before
+/// its options.
+pub(crate) fn usage(error: &clap::Error, arguments: &[OsString]) -> u8 {
     let no_method =
-        arguments.next().as_deref() == Some("fit") && arguments.next().is_some_and(|next| next.starts_with('-'));
+        matches!(arguments, [_, fit, next, ..] if fit == "fit" && next.as_encoded_bytes().starts_with(b"-"));
     if no_method && error.kind() == ErrorKind::UnknownArgument {
         tell(
             "error: `fit` has its method before the options, as in `fleetfoot fit pwa -c robot.toml log.csv`: pwa, sparse, sindy, narx, network or parameters",
         );
-        std::process::exit(2);
+        return 2;
     }
-    error.exit()
+    // A reader that has closed the pipe wants no more, which is no error.
+    let _ = error.print().and_then(|()| stdout().flush());
+    // 0 for help, 2 for a fault.
+    u8::try_from(error.exit_code()).unwrap_or(2)
 }

@@ -2,9 +2,10 @@
 //!
 //! This crate is the module `fleetfoot._core`: thin functions and classes that turn Python objects into the engine's
 //! inputs and its answers into Python objects. The public package is `python/fleetfoot`, which is written in Python on
-//! top of it.
+//! top of it. The command of the same name is in it, too ([`command`]).
 
 mod array;
+mod command;
 mod data;
 mod error;
 mod run;
@@ -57,6 +58,8 @@ use pyo3::prelude::*;
 /// The engine of fleetfoot.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::command::command;
     #[pymodule_export]
     use crate::data::Data;
     #[pymodule_export]

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import inspect
-import os
 import re
-import subprocess
 
 import pytest
+from command import run
 
 import fleetfoot as ff
 
-COMMAND = os.environ.get("FLEETFOOT_BIN")
 #: Arguments whose flag has another name.
 FLAGS = {"lam": "lambda", "target": "predict", "t": "time"}
 #: Arguments that count in bytes what their flag counts in MiB.
@@ -20,8 +18,7 @@ MEBIBYTES = {"memory"}
 
 def helped(command: str) -> dict[str, str]:
     """The flags of a command, each with what its help says of the default."""
-    assert COMMAND is not None
-    text = subprocess.run([COMMAND, "fit", command, "--help"], capture_output=True, text=True, check=True).stdout
+    text = run("fit", command, "--help").stdout
     defaults = {}
     for part in re.split(r"\n(?=  (?:-\w, |    )--)", text):
         flag = re.search(r"--([a-z][\w-]*)", part)
@@ -39,7 +36,6 @@ def worded(name: str, default: object) -> str:
     return f"{default:g}" if isinstance(default, float) else str(default)
 
 
-@pytest.mark.skipif(COMMAND is None, reason="FLEETFOOT_BIN names no command")
 @pytest.mark.parametrize(
     ("command", "estimator"),
     [("pwa", ff.PWA), ("sindy", ff.SINDy), ("narx", ff.NARX), ("network", ff.Network), ("sparse", ff.BlockSparse), ("parameters", ff.Parameters)],

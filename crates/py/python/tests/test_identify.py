@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 import pickle
-import subprocess
 import warnings
 
 import numpy as np
 import pytest
+from command import run
 
 import fleetfoot as ff
 from fleetfoot import _core, _recipe
@@ -181,18 +180,15 @@ def test_runs_are_episodes():
 
 
 def test_the_command_line_and_python_agree(tmp_path):
-    command = os.environ.get("FLEETFOOT_BIN")
-    if not command:
-        pytest.skip("FLEETFOOT_BIN does not name the fleetfoot command")
     t, x, _ = lorenz(600)
     rows = np.column_stack([t, x])
     np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,x0,x1,x2", comments="", fmt="%.17g")
     arguments = ["fit", "pwa", "run.csv", "--states", "x0,x1,x2", "--time", "t", "-p", "kmeans:3", "-o", "model.json"]
-    subprocess.run([command, *arguments], cwd=tmp_path, check=True, capture_output=True)
+    run(*arguments, folder=tmp_path)
     fitted = ff.PWA(3).fit(x, t)
     assert np.array_equal(ff.load(tmp_path / "model.json").coefficients(), fitted.coefficients())
     fitted.save(tmp_path / "own.json")
-    shown = subprocess.run([command, "show", "own.json", "--json"], cwd=tmp_path, check=True, capture_output=True)
+    shown = run("show", "own.json", "--json", folder=tmp_path)
     assert json.loads(shown.stdout) == json.loads(fitted.model_.to_json())
 
 
@@ -485,9 +481,6 @@ def test_notes_are_warnings_of_the_callers_line():
 
 
 def test_statistic_is_fitted_without_rows(tmp_path):
-    command = os.environ.get("FLEETFOOT_BIN")
-    if not command:
-        pytest.skip("FLEETFOOT_BIN does not name the fleetfoot command")
     t, x, _ = lorenz(3000)
     rows = np.column_stack([t, x])
     np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,x0,x1,x2", comments="", fmt="%.17g")
@@ -496,7 +489,7 @@ def test_statistic_is_fitted_without_rows(tmp_path):
     states = "".join(f'{name} = {{ derivative = "central" }}\n' for name in ("x0", "x1", "x2"))
     recipe.write_text(f'[states]\n{states}[time]\ncolumn = "t"\n[model]\ndegree = 2\n')
     arguments = ["scan", "-c", str(recipe), "run.csv", "-o", "run.stats"]
-    subprocess.run([command, *arguments], cwd=tmp_path, check=True, capture_output=True)
+    run(*arguments, folder=tmp_path)
     known = ff.SINDy(threshold=0.1, recipe=recipe, library="poly(2)").fit(tmp_path / "run.csv")
     fitted = ff.SINDy(threshold=0.1, library="poly(2)").fit(tmp_path / "run.stats")
     assert fitted.get_feature_names() == known.get_feature_names()

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 
 import numpy as np
 import pytest
+from command import run
 
 import fleetfoot as ff
 from fleetfoot.exceptions import ModelError, RequestError
@@ -47,12 +46,11 @@ def test_a_plane_gets_the_linear_model():
     assert any("linear model is written" in note for note in fitted.report_["notes"])
 
 
-@pytest.mark.skipif("FLEETFOOT_BIN" not in os.environ, reason="the command is not there")
 def test_the_command_writes_the_same_model(tmp_path):
     data = table(True, 600)
     np.savetxt(tmp_path / "log.csv", np.column_stack(list(data.values())), delimiter=",", header="x,z,y", comments="", fmt="%.17g")
     words = "fit network log.csv --predict y --inputs x,z --dt 1 --hidden 8 --effort low --seed 4 -o net.json"
-    subprocess.run([os.environ["FLEETFOOT_BIN"], *words.split()], cwd=tmp_path, check=True, capture_output=True)
+    run(*words.split(), folder=tmp_path)
     written = ff.load(tmp_path / "net.json")
     model = ff.Network(8, target="y", inputs=["x", "z"], effort="low", seed=4, dt=1.0)
     same = model.fit(ff.open(str(tmp_path / "log.csv"), dt=1.0)).model_

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-
 import fleetfoot as ff
 import numpy as np
 import pytest
+from command import run
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed")
 pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
@@ -179,9 +177,6 @@ def test_several_files_are_one_data_set_and_fit(tmp_path):
 
 
 def test_the_command_names_this_way(tmp_path):
-    binary = os.environ.get("FLEETFOOT_BIN")
-    if not binary:
-        pytest.skip("FLEETFOOT_BIN is not set")
     for path, package in ((hdf5(tmp_path / "run.h5"), "h5py"), (matlab(tmp_path / "run.mat"), "h5py")):
-        process = subprocess.run([binary, "info", str(path)], capture_output=True, text=True, check=False)
-        assert process.returncode == 1 and f'ff.open("{path.name}")' in process.stderr and package in process.stderr, process.stderr
+        message = run("info", str(path), code=1).stderr
+        assert f'ff.open("{path.name}")' in message and package in message, message

@@ -100,8 +100,7 @@ impl Demo<'_> {
 
     /// A command that repeats what follows, to be pasted.
     fn command(&self, words: &[String]) {
-        let program = std::env::args().next().unwrap_or_else(|| "fleetfoot".into());
-        self.context.say(format!("\n$ {} {}", shell_word(&program), words.join(" ")));
+        self.context.say(format!("\n$ {} {}", shell_word(&self.context.program), words.join(" ")));
     }
 
     /// A file of the demonstration as a word of a command.

@@ -104,8 +104,7 @@ impl Demo<'_> {
 
     /// A command that repeats what follows, to be pasted.
     fn command(&self, words: &str) {
-        let program = std::env::args().next().unwrap_or_else(|| "fleetfoot".into());
-        self.context.say(format!("\n$ {} {words}", shell_word(&program)));
+        self.context.say(format!("\n$ {} {words}", shell_word(&self.context.program)));
     }
 
     fn tell(&self, text: &str) {
