@@ -41,7 +41,7 @@ pub(crate) use rollout::{ControllerArgs, Method, OutsideArg, PathArgs, Rollout};
 pub(crate) use sindy::{EquationArgs, FitSindy};
 pub(crate) use sparse::FitSparse;
 pub(crate) use statistic::{Scan, Stats, StatsCompact, StatsDrop, StatsInfo, StatsMerge};
-pub(crate) use tools::{Completions, Man};
+pub(crate) use tools::{Completions, Man, Schema};
 
 /// Turns robot logs into equations.
 #[derive(Debug, Parser)]
@@ -87,6 +87,9 @@ pub(crate) enum Command {
     /// Write a commented recipe for a log, to be edited.
     #[command(after_help = examples::INIT)]
     Init(Init),
+    /// Print the JSON schema of recipes, for editors: completion and errors while typing.
+    #[command(after_help = examples::SCHEMA)]
+    Schema(Schema),
     /// Smooth the states of logs: episodes with derivatives, and the recipe to fit them.
     #[command(after_help = examples::PREPARE)]
     Prepare(Box<Prepare>),

@@ -30,6 +30,7 @@ pub(crate) mod report;
 pub(crate) mod resimulate;
 pub(crate) mod rollout;
 pub(crate) mod scan;
+pub(crate) mod schema;
 pub(crate) mod score;
 pub(crate) mod show;
 pub(crate) mod stats;

@@ -63,6 +63,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Auto(arguments) => commands::auto::auto(arguments, &context),
         Command::Check(arguments) => commands::check::run(arguments, &context),
         Command::Init(arguments) => commands::init::init(arguments, &context),
+        Command::Schema(arguments) => commands::schema::schema(arguments, &context),
         Command::Fit(Fit::Network(arguments)) => commands::fit_network::network(arguments, &context),
         Command::Fit(Fit::Pwa(arguments)) => commands::fit_pwa::pwa(arguments, &context),
         Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),

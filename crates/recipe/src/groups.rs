@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use fleetfoot_data::setting::Section;
 use fleetfoot_data::{did_you_mean, nearest};
 use fleetfoot_library::Expr;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{error::Error, list::items};
@@ -14,7 +15,7 @@ const ALLOWED: &str =
     "signal, term, or lists of signals by name: `legs=q1,q2,arms=q3,q4`, in a recipe also { legs = [\"q1\", \"q2\"] }";
 
 /// Groups as a recipe names them: a word, or lists of signals.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected \"signal\", \"term\", or lists: { legs = [\"q1\", \"q2\"] }")]
 pub enum GroupWords {
     /// `signal`, `term`, or lists in one text, `legs=q1,q2,arms=q3,q4`.

@@ -22,6 +22,7 @@ mod init;
 mod list;
 mod recipe;
 mod request;
+mod schema;
 pub mod wildcard;
 
 pub use aliases::{Aliases, aliases_of_model};

@@ -3,6 +3,7 @@
 //! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries is
 //! complete.
 
+mod alias;
 mod auto;
 mod body;
 mod bounds;
@@ -27,6 +28,7 @@ mod sparse;
 
 use std::{collections::BTreeMap, path::Path};
 
+use alias::also;
 pub use auto::AutoSection;
 pub use body::{AttitudeForm, BodySection, EstimateKind, Gravity, JointSection, Mounting, SensorKind, SensorSection};
 pub use bounds::whole;
@@ -48,6 +50,7 @@ pub use ports::{Port, PortList};
 pub use prepare::{Limits, PrepareMethod, PrepareSection};
 pub use pwa::{OutsideRanges, PartitionChoice, PwaSection, UnseenLabels};
 pub use resimulate::ResimulateSection;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use settings::{Settings, Tunable, seed};
 pub use sindy::{LibrarySection, Normalize, ParameterSection, SindyOptimizer, SindySection, SmoothStates};
@@ -56,7 +59,7 @@ pub use sparse::{ConstraintSection, LatentSection, SparseSection, TaskSection};
 use crate::error::Error;
 
 /// Settings of a user about the recordings and the model.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Recipe {
     /// Short names: alias = a field of the log, or an expression over fields and earlier aliases.
@@ -163,7 +166,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 /// A state.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct State {
     /// Field or expression, when the name is not an alias or a field itself.
@@ -216,7 +219,7 @@ pub struct State {
 }
 
 /// The axes of vectors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Frame {
     /// Those of the body.
@@ -226,8 +229,9 @@ pub enum Frame {
 }
 
 /// Kind of a column's quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(transform = also("axis-angle", "rotation-vector"))]
 pub enum Kind {
     /// A real number.
     Linear,
@@ -236,13 +240,13 @@ pub enum Kind {
     /// A unit quaternion in four columns. Its equations are the kinematics, given its rates; it stays of unit length,
     /// and q and -q are the same. The library names it by `rotate(NAME, v)` and the like.
     Quaternion,
-    /// A rotation vector, axis times angle in radians, in three columns: as [`Kind::Quaternion`]. Turns more or less are the same.
+    /// A rotation vector, axis times angle in radians, in three columns: as a quaternion. Turns more or less are the same.
     #[serde(alias = "axis-angle")]
     RotationVector,
 }
 
 /// An input: `u = "field"` or `u = { column = "field", kind = "angle" }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected a field or expression in quotes, or a table { column = ..., kind = ..., unit = ... }"
@@ -255,7 +259,7 @@ pub enum Input {
 }
 
 /// Details of an input.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct InputTable {
     /// Field or expression, when the name is not an alias or a field itself.
@@ -270,7 +274,7 @@ pub struct InputTable {
 }
 
 /// The clock and the episodes.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Time {
     /// The column of the stamps; found by its name when not given.
@@ -306,7 +310,7 @@ pub struct Time {
 }
 
 /// Resampling of a field to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected \"linear\", \"hold\", \"angle\" or \"slerp\", or a table { kind = ..., max_gap = ... }"
@@ -319,7 +323,7 @@ pub enum Join {
 }
 
 /// Details of a join.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JoinTable {
     /// `linear`, `hold`, `angle` or `slerp`.
@@ -341,7 +345,7 @@ impl Join {
 }
 
 /// A gap in seconds, or a word.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected seconds, \"auto\" or \"none\"")]
 pub enum Gap {
     /// Seconds.
@@ -351,7 +355,7 @@ pub enum Gap {
 }
 
 /// Predicted quantity, and candidate functions.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSection {
     /// `derivative` (default), `next`, `delta`, or a column (plain regression).
@@ -376,13 +380,14 @@ pub struct ModelSection {
 }
 
 /// Labels for the episodes of matching files.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EpisodeRule {
     /// A glob over the file's name.
     #[serde(rename = "match")]
     pub pattern: String,
     /// The labels.
     #[serde(flatten)]
+    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
     pub labels: BTreeMap<String, toml::Value>,
 }
 

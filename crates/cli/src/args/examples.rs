@@ -40,6 +40,11 @@ Examples:
   fleetfoot init run.mcap -o robot.toml
   fleetfoot init runs/ -o robot.toml              folders of imu.csv, odom.csv, ...: a recipe that joins them";
 
+pub(crate) const SCHEMA: &str = "\
+Examples:
+  fleetfoot schema
+  fleetfoot schema -o recipe.schema.json          begin recipes with: #:schema ./recipe.schema.json";
+
 pub(crate) const PREPARE: &str = "\
 Examples:
   fleetfoot prepare -c robot.toml runs/ -o clean/

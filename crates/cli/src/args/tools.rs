@@ -1,4 +1,4 @@
-//! Arguments of `completions` and `man`.
+//! Arguments of `completions`, `man` and `schema`.
 
 use std::path::PathBuf;
 
@@ -16,4 +16,11 @@ pub(crate) struct Man {
     /// Folder of the pages: fleetfoot.1, fleetfoot-fit-pwa.1, ...
     #[arg(short, long, value_name = "DIR", default_value = "man")]
     pub(crate) output: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Schema {
+    /// Schema to write (default: standard output).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
 }

@@ -1,12 +1,13 @@
 //! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors that `prepare` fuses into the motion of a rigid body or a joint.
 
 use fleetfoot_signal::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Kind, settings::Tunable};
 
 /// Settings of the fused motion of a body.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodySection {
     /// Magnitude of gravity, m/s^2, with a fitted direction (9.80665), or its three components in the world.
@@ -36,7 +37,7 @@ pub struct BodySection {
 }
 
 /// Attitude of a fused body as a state of the written recipe.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum AttitudeForm {
     /// Three angles, `roll`, `pitch` and `yaw`: R = Rz(yaw) Ry(pitch) Rx(roll), body to world.
@@ -47,7 +48,7 @@ pub enum AttitudeForm {
 }
 
 /// Settings of the fused motion of a joint.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSection {
     /// Sensors of the joint, by their names in `[sensor]` (for a single joint: all sensors of positions and rates).
@@ -81,7 +82,7 @@ pub struct JointSection {
 }
 
 /// Measurements behind a fused state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EstimateKind {
     /// All measurements, earlier and later.
@@ -100,7 +101,7 @@ impl From<EstimateKind> for Estimate {
 }
 
 /// Gravity: its magnitude, or its components.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected the size of gravity in m/s^2, or its three components in the world")]
 pub enum Gravity {
     /// Magnitude.
@@ -110,7 +111,7 @@ pub enum Gravity {
 }
 
 /// Quantity that a sensor measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum SensorKind {
     /// Position and attitude in the world: x, y, z, and a quaternion x, y, z, w.
@@ -135,7 +136,7 @@ impl SensorKind {
 }
 
 /// A sensor of the body or of a joint.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSection {
     /// Quantity that it measures.
@@ -173,7 +174,7 @@ pub struct SensorSection {
 }
 
 /// Numbers, or `auto`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a list of numbers, or \"auto\"")]
 pub enum Mounting {
     /// Given numbers.

@@ -1,9 +1,10 @@
 //! `[clocks.NAME]`: topics that another computer stamps.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Clock of another computer: its topics, and the channels that compare it with the reference clock.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockSection {
     /// Topics that it stamps; a star matches anything.

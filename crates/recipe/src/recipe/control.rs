@@ -1,11 +1,12 @@
 //! `[control]`: settings of a regulator.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::settings::settings;
 
 /// Schedule of the laws over the regions of a model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlSchedule {
     /// One law per region where a region rests at the set point; else the mean.

@@ -1,9 +1,10 @@
 //! Criteria that choose lambda or the number of terms.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Rule that chooses lambda or the number of terms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {
     /// The sparsest model whose cross-validated error is within one standard error of the least.

@@ -2,12 +2,13 @@
 
 use fleetfoot_data::setting::{FIT_PWA, FIT_SINDY};
 use fleetfoot_library::{CentralDifference, Expr, Spacing, central_difference, mean_slope};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 
 /// Measured derivative of a state: `"central"` or `{ over = 20 }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a word, a field or an expression in quotes, or a table { over = ROWS }")]
 pub enum Derivative {
     /// `auto`, `central`, `central4`, `central6`, `forward`, `backward`, or a field or expression.
@@ -17,7 +18,7 @@ pub enum Derivative {
 }
 
 /// The mean slope over a span of rows ahead.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpanDerivative {
     /// Number of rows ahead.
@@ -25,7 +26,7 @@ pub struct SpanDerivative {
 }
 
 /// Number of rows ahead that a mean slope reaches.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number of rows, or \"auto\"")]
 pub enum Over {
     /// Given number of rows.

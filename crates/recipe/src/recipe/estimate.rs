@@ -1,11 +1,12 @@
 //! `[estimate]`: parameters of given equations. The parameters stand in `[parameters]`, the equations in `known` of the states.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{bounds::whole, settings::settings};
 
 /// Data that the parameters are fitted to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum EstimateMethod {
     /// Derivatives of the states, row by row; noise in the states biases the parameters.

@@ -1,11 +1,12 @@
 //! `[filter]`: settings of a filter of recorded states.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::settings::{Tunable, settings};
 
 /// Rule by which one region follows another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterSwitching {
     /// By the region of the state.
@@ -16,7 +17,7 @@ pub enum FilterSwitching {
 }
 
 /// Correlation of the process noise from row to row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterNoise {
     /// Coloured where the model's residuals are correlated.

@@ -2,6 +2,7 @@
 
 use std::{fmt, str::FromStr};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Past rows of every state and input beside the present one: the last L, or every k-th of the last L: k, 2k, ... up to
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// the regressors.
 ///
 /// In a recipe `3` or `{ last = 50, every = 5 }`; as a flag and as an argument of Python `3` or `50:5`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Lags {
     last: u32,
@@ -17,7 +18,7 @@ pub struct Lags {
 }
 
 /// Written form in a recipe.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number of rows, or { last = 50, every = 5 }")]
 enum Written {
     Rows(u32),
@@ -25,7 +26,7 @@ enum Written {
     Text(String),
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Gleaned {
     last: u32,

@@ -1,13 +1,15 @@
 //! `[narx]`: autoregressions of outputs on past outputs and inputs. `[library]` has functions to lag in place of outputs
 //! and inputs.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Recipe, bounds::whole, criterion::Criterion, objective::Objective, settings::settings};
+use super::{Recipe, alias::also, bounds::whole, criterion::Criterion, objective::Objective, settings::settings};
 
 /// Search effort.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(transform = also("medium", "normal"))]
 pub enum Effort {
     /// Few lags, small libraries.
     Low,
@@ -31,8 +33,8 @@ impl Effort {
     }
 }
 
-/// Rule that chooses order, terms and partition: `free-run`, or a [`Criterion`] of one-step errors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// Rule that chooses order, terms and partition: `free-run`, or a criterion of one-step errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", expecting = "expected free-run, one-se, cv, aic, bic or ebic")]
 pub enum NarxSelection {
     /// Error of simulations of spans that did not train.
@@ -67,7 +69,7 @@ impl clap::ValueEnum for NarxSelection {
 }
 
 /// Use of given lags and degree: those of the model, or its limits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum GivenAs {
     /// Exactly the given lags and degree; 2 where one is not given.
@@ -140,7 +142,7 @@ impl NarxSection {
 }
 
 /// A number of terms, or a word.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number, \"auto\" or \"all\"")]
 pub enum NarxTerms {
     /// Given number.

@@ -5,12 +5,13 @@ use std::{
     str::FromStr,
 };
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{bounds::whole, narx::Effort, settings::settings};
 
 /// Activation function of a network's hidden units.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActivationWord {
     /// tanh(z).
@@ -26,7 +27,7 @@ pub enum ActivationWord {
 const MOST: (usize, usize) = (1_024, 8);
 
 /// `64,64`: units of every hidden layer.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 pub struct HiddenLayers(pub Vec<usize>);
 

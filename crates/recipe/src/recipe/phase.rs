@@ -5,10 +5,11 @@ use std::{
     str::FromStr,
 };
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Phase along which regions are counted, a quantity that repeats from stride to stride.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 pub enum PhaseColumn {
     /// `alpha_l`, `alpha_l:24`: a periodic column or expression, in so many bins.

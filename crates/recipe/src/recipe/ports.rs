@@ -5,6 +5,7 @@ use std::{
     str::FromStr,
 };
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Port: an input, and the state whose product with it is a power.
@@ -20,7 +21,7 @@ pub struct Port {
 }
 
 /// `f:v`, `f:v:0.05, tau:w`: ports, each with an optional energy gain per sample.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 pub struct PortList(pub Vec<Port>);
 

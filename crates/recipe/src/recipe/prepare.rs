@@ -1,5 +1,6 @@
 //! `[prepare]`: smooth states and derivatives from measured channels. `[channels.NAME]` overrides it for one state or input.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -8,7 +9,7 @@ use super::{
 };
 
 /// Method that smooths a channel and takes its derivatives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PrepareMethod {
     /// Cubic or quintic smoothing spline, by the likelihood of the data: value and rate, with standard deviations.
@@ -32,7 +33,7 @@ pub enum PrepareMethod {
 }
 
 /// A least and a greatest value: `[-1.0, 1.0]` in a recipe, `-1:1` on a command line.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Limits(pub [f64; 2]);
 

@@ -1,5 +1,6 @@
 //! `[pwa]`: piecewise-affine models. Partitions, degree and target are in `[model]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -11,7 +12,7 @@ use super::{
 };
 
 /// Rule that chooses one of several partitions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PartitionChoice {
     /// The smallest model whose cross-validated error is within one standard error of the best.
@@ -23,7 +24,7 @@ pub enum PartitionChoice {
 }
 
 /// Rule for labels that training did not see.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum UnseenLabels {
     /// An error.
@@ -33,7 +34,7 @@ pub enum UnseenLabels {
 }
 
 /// Prediction of a model of several regions outside of the training ranges of its regions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideRanges {
     /// From the border of the range on by the slopes of the one-region model.

@@ -3,6 +3,7 @@
 //! A flag or an argument overrides the recipe, and the recipe the default, entry by entry: [`Recipe::say`] is that rule.
 
 use fleetfoot_data::setting::Section;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::Recipe;
@@ -61,7 +62,7 @@ macro_rules! settings {
         }
     ) => {
         $(#[$about])*
-        #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, clap::Args)]
+        #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema, clap::Args)]
         #[serde(deny_unknown_fields, default)]
         pub struct $name {
             $(
@@ -106,7 +107,7 @@ pub fn seed(section: &str, seed: Option<u64>) -> Result<u64, Error> {
 }
 
 /// A number, or `"auto"` to choose it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number or \"auto\"")]
 pub enum Tunable {
     /// Given number.

@@ -1,5 +1,6 @@
 //! Sections of equations from libraries: `[library]`, `[parameters]`, `[sindy]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -11,9 +12,8 @@ use super::{
 };
 use crate::groups::GroupWords;
 
-/// Candidate functions of every equation without a library of its own, in the library language
-/// (`fleetfoot_library::Library::parse`).
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// Candidate functions of every equation without a library of its own, in the library language.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LibrarySection {
     /// `["poly(3)", "sin", "V^2*alpha"]`; when empty the monomials up to the degree of `[model]`, else `poly(2)`.
@@ -26,7 +26,7 @@ pub struct LibrarySection {
 }
 
 /// Unknown number to estimate; it may stand wherever a column may: in library items, nominal dynamics and targets.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterSection {
     /// Start of the search.
@@ -43,7 +43,7 @@ pub struct ParameterSection {
 }
 
 /// Units of thresholds and of the ridge: a choice, or a word.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected true, false or \"length\"")]
 pub enum Normalize {
     /// Shares of the target, or physical coefficients.
@@ -61,7 +61,7 @@ impl std::str::FromStr for Normalize {
 }
 
 /// Optimiser that selects the terms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SindyOptimizer {
     /// Thresholds of stlsq and backward elimination together; the best support of both.
@@ -107,7 +107,7 @@ impl SindyOptimizer {
 }
 
 /// Rule for smoothing the states under the equations.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SmoothStates {
     /// On for at most 20,000 rows whose equations are fitted on windows because of noise, unless another option

@@ -1,6 +1,7 @@
 //! Sections of structured sparse regression: `[latents]`, `[tasks]`, `[sparse]`.
 
 use indexmap::IndexMap;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Recipe, criterion::Criterion, settings::settings};
@@ -9,7 +10,7 @@ use crate::groups::GroupWords;
 /// Unknown function and its candidates: monomials of variables, or functions one by one.
 ///
 /// `T = { times = "N1", of = ["rho", "M"], degree = 4 }` is N1 times every monomial of degree 0 to 4 in rho and M.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LatentSection {
     /// Factor of every candidate.
@@ -51,7 +52,7 @@ pub struct LatentSection {
 }
 
 /// A regression equation, linear in the latents: `target = right + error`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TaskSection {
     /// The left side, an expression over columns.
@@ -69,7 +70,7 @@ pub struct TaskSection {
 /// `friction = { of = "F*v", at_least = 0.0 }` only takes power;
 /// `inertia = { matrix = [["M11", "M12"], ["M12", "M22"]], at_least = 1e-3 }` has no eigenvalue below the bound;
 /// `damping = { coefficients = { v = ["v", "v*abs(v)"] }, at_most = 0.0 }` has no sign that drives.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConstraintSection {
     /// An expression over columns and latents, linear in the latents.
