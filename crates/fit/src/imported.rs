@@ -59,10 +59,7 @@ pub fn import_network(
     let mut model = match (logs, step) {
         (None, _) => unseen(&recipe, step)?,
         (Some(_), Some(step)) => {
-            return Err(Error::conflict(format!(
-                "{}: the logs give the time between rows; remove it",
-                DT.to(step)
-            )));
+            return Err(Error::conflict(format!("{}: the logs give the time between rows; remove it", DT.to(step))));
         }
         (Some(logs), None) if logs.is_statistic() => {
             return Err(Error::needs_rows(
@@ -222,9 +219,7 @@ fn refuse(recipe: &Recipe) -> Result<(), Error> {
     radial::refuse(recipe, "import")?;
     match &recipe.model.weight {
         None => Ok(()),
-        Some(weight) => {
-            Err(Error::conflict(format!("weight = \"{weight}\": nothing is fitted to rows; remove it")))
-        }
+        Some(weight) => Err(Error::conflict(format!("weight = \"{weight}\": nothing is fitted to rows; remove it"))),
     }
 }
 

@@ -105,9 +105,9 @@ impl Method for Network {
         let (dataset, task) = self.linear.open(&predicting(recipe), logs, progress)?;
         match task.problem.weight {
             None => Ok((dataset, task)),
-            Some(weight) => Err(Error::conflict(format!(
-                "weight = \"{weight}\": {FIT_NETWORK} has no weights of rows; remove it"
-            ))),
+            Some(weight) => {
+                Err(Error::conflict(format!("weight = \"{weight}\": {FIT_NETWORK} has no weights of rows; remove it")))
+            }
         }
     }
 
@@ -119,9 +119,7 @@ impl Method for Network {
         _: &mut Vec<String>,
         _: &dyn Progress,
     ) -> Result<(Task, Self::Sums), Error> {
-        Err(Error::needs_rows(format!(
-            "{FIT_NETWORK} trains on rows, and a statistic has none; give the logs instead"
-        )))
+        Err(Error::needs_rows(format!("{FIT_NETWORK} trains on rows, and a statistic has none; give the logs instead")))
     }
 
     fn carried(&self, recipe: &Recipe, over: Option<u32>) -> Recipe {
