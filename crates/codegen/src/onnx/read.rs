@@ -19,6 +19,8 @@ use super::{
 
 /// First version of the operators in which sums and products spread a row over all rows.
 const OLDEST_OPERATORS: i64 = 7;
+/// Nodes of a graph; networks of this kind have a few a layer.
+const MOST_NODES: usize = 1_000;
 /// Numbers that values of the graph may hold together: 256 MiB.
 const MOST_NUMBERS: usize = 1 << 25;
 
@@ -38,7 +40,7 @@ pub struct OnnxNetwork {
 
 impl OnnxNetwork {
     /// Bytes of a file that are read at most.
-    pub const MOST_BYTES: u64 = 16 << 20;
+    pub const MOST_BYTES: u64 = 8 << 20;
 
     /// Reads a file whose network has an input and an output for each of these names, in their order.
     ///
@@ -52,6 +54,12 @@ impl OnnxNetwork {
         let Some(graph) = &model.graph else {
             return Err(OnnxError::Graph("the file has no graph; export the network again".into()));
         };
+        if graph.node.len() > MOST_NODES {
+            return Err(OnnxError::Graph(format!(
+                "{} nodes, and networks of at most {MOST_NODES} are read; export a smaller network",
+                graph.node.len()
+            )));
+        }
         let standard = model.opset_import.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
         let version = standard.map_or(1, |set| set.version);
         if version < OLDEST_OPERATORS {

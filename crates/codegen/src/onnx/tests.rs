@@ -120,7 +120,8 @@ fn layer(net: Net, operator: &str) -> Net {
 
 #[test]
 fn activations_match_their_formulas() {
-    let formulas: [(&str, fn(f64) -> f64); 4] = [
+    type Formula = fn(f64) -> f64;
+    let formulas: [(&str, Formula); 4] = [
         ("Tanh", f64::tanh),
         ("Relu", |z| z.max(0.0)),
         ("Softplus", |z| z.exp().ln_1p()),
@@ -215,7 +216,7 @@ fn outputs_may_add_the_inputs() {
 fn nodes_that_change_nothing_are_read() {
     let shape = TensorProto { dims: vec![2], data_type: INT64, int64_data: vec![-1, 2], ..Default::default() };
     let offset = TensorProto { dims: vec![2], data_type: FLOAT, float_data: vec![0.5, 0.25], ..Default::default() };
-    let constant = |t| AttributeProto { name: "value".into(), t: Some(t), kind: 4, ..Default::default() };
+    let constant = |t| AttributeProto { name: "value".into(), t: Some(Box::new(t)), kind: 4, ..Default::default() };
     let net = Net::new(2, 2)
         .node("Cast", &["x"], "a")
         .integer("to", 11)
@@ -291,12 +292,13 @@ fn files_beyond_one_network_are_refused() {
     shaped(|of| _ = of.shape.as_mut().map(|shape| shape.dim.pop())).refused(&["1 dimensions"]);
     shaped(|of| of.shape.as_mut().expect("a shape").dim[1] = DimensionProto { dim_value: 0, dim_param: "n".into() })
         .refused(&["no fixed number of columns (`n`)"]);
+    changed(|net| net.graph().node = vec![NodeProto::default(); 1_001]).refused(&["1001 nodes", "at most 1000"]);
     let mut outside = Net::new(2, 2).weight("k", &[2], &X).node("Add", &["x", "k"], "y");
     outside.graph().initializer[0].data_location = 1;
     outside.refused(&["tensor `k`", "another file"]);
     let long = vec![0; OnnxNetwork::MOST_BYTES as usize + 1];
     let error = OnnxNetwork::read(&long, &[], &[]).expect_err("a refusal").to_string();
-    assert!(error.contains("16777217 bytes"), "{error}");
+    assert!(error.contains("8388609 bytes"), "{error}");
 }
 
 /// A value that many nodes read is not copied without limit.

@@ -87,12 +87,9 @@ fn models_beyond_networks_are_refused_by_name() {
     let given = changed(|model| {
         model.equations[0].target = None;
         model.summaries[0].regions[0].residual_covariance.truncate(1);
-        let training = &mut model.training;
-        (
-            training.target_mean.truncate(1),
-            training.target_deviation.truncate(1),
-            training.target_covariance.truncate(1),
-        );
+        model.training.target_mean.truncate(1);
+        model.training.target_deviation.truncate(1);
+        model.training.target_covariance.truncate(1);
     });
     refused(&given, &["cannot have the equation d(x)/dt = f_x"]);
     let changed_partition = changed(|model| {
