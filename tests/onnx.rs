@@ -25,12 +25,12 @@ fn values(model: &fleetfoot::Model, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
 
 /// Outputs agree to 32-bit rounding of sums of ten terms, or for 64 bits to a thousand roundings.
 #[track_caller]
-fn agree(name: &str, found: &[Vec<f64>], expected: &[Vec<f64>], double: bool) {
-    assert!(found.len() == expected.len() && !found.is_empty(), "{name}");
+fn agree(name: &str, actual: &[Vec<f64>], expected: &[Vec<f64>], double: bool) {
+    assert!(actual.len() == expected.len() && !actual.is_empty(), "{name}");
     let room = if double { 1e-12 } else { 1e-6 };
-    for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
-        let error = (found - expected).abs() / expected.abs().max(1.0);
-        assert!(error < room, "{name}: {found} {expected}");
+    for (actual, expected) in actual.iter().flatten().zip(expected.iter().flatten()) {
+        let error = (actual - expected).abs() / expected.abs().max(1.0);
+        assert!(error < room, "{name}: {actual} {expected}");
     }
 }
 
@@ -184,8 +184,8 @@ fn exported_networks_run_in_onnxruntime() {
             child.stdin.take().expect("a pipe").write_all(text.as_bytes()).expect("rows");
             let output = child.wait_with_output().expect("outputs");
             assert!(output.status.success(), "{activation} {precision}");
-            let found: Vec<Vec<f64>> = serde_json::from_slice(&output.stdout).expect("JSON");
-            agree(&format!("{activation} {precision}"), &found, &values(&read, &rows), precision == "double");
+            let actual: Vec<Vec<f64>> = serde_json::from_slice(&output.stdout).expect("JSON");
+            agree(&format!("{activation} {precision}"), &actual, &values(&read, &rows), precision == "double");
         }
     }
 }

@@ -48,8 +48,8 @@ fn written_networks_read_back() {
             let maps = read(&written(&model, precision).expect("a network"));
             for row in rows() {
                 for (map, latent) in maps.iter().zip(&model.latents) {
-                    let (found, expected) = (map.value(0, &row), latent.map.value(0, &row));
-                    assert!((found - expected).abs() < room, "{activation:?} {precision:?}: {found} {expected}");
+                    let (actual, expected) = (map.value(0, &row), latent.map.value(0, &row));
+                    assert!((actual - expected).abs() < room, "{activation:?} {precision:?}: {actual} {expected}");
                 }
             }
         }
