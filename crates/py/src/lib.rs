@@ -2,7 +2,7 @@
 //!
 //! This crate is the module `fleetfoot._core`: thin functions and classes that turn Python objects into the engine's
 //! inputs and its answers into Python objects. The public package is `python/fleetfoot`, which is written in Python on
-//! top of it. The command of the same name is in it, too ([`command`]).
+//! top of it. The command of the same name is in it, too.
 
 mod array;
 mod command;
