@@ -49,17 +49,20 @@ ids = {"ids": lambda one: (one if isinstance(one, type) else type(one)).__name__
 
 @pytest.mark.parametrize("estimator_class", CLASSES, **ids)
 def test_defaults_match_the_command_reference(estimator_class):
-    command, section = {
+    command, settings = {
         ff.SINDy: ("sindy", "sindy"),
         ff.PWA: ("pwa", "pwa"),
         ff.NARX: ("narx", "narx"),
         ff.BlockSparse: ("sparse", "sparse"),
     }[estimator_class]
     reference = (CHECKOUT / "docs" / "reference" / "cli.md").read_text()
-    options = reference.split(f"## fleetfoot fit {command}\n")[1].split("\n## ")[0].replace("\n  ", " ")
+    # Options that several commands share stand once, above them.
+    sections = ["Options of several commands", f"fleetfoot fit {command}"]
+    parts = [reference.split(f"## {section}\n")[1].split("\n## ")[0] for section in sections]
+    options = "\n".join(parts).replace("\n  ", " ")
     defaults = {flag.replace("-", "_"): text for flag, text in re.findall(r"^- `(?:-\w, )?--([\w-]+).*?default: (.*?)(?:[;,)]|\.(?!\d))", options, re.M)}
     params, compared = estimator_class().get_params(), 0
-    for entry in dict(_core.settings())[section]:
+    for entry in dict(_core.settings())[settings]:
         value = params[{"lambda": "lam"}.get(entry, entry)]
         if value is None:
             # Defaults that depend on the data or on other arguments.

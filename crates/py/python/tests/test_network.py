@@ -68,7 +68,7 @@ def test_networks_survive_export_and_import(tmp_path):
     (file,) = fitted.model_.export("onnx", tmp_path, prefix="surface")
     recipe = {"inputs": {"x": {}, "z": {}}, "model": {"predict": "y"}}
     again = ff.import_model(file, recipe)
-    assert again.method == "imported network 8 tanh" and again.outputs == ["y"]
+    assert again.method == "imported network 8 tanh" and again.outputs == ("y",)
     parts = [json.loads(model.to_json())["model"]["latents"][0] for model in (fitted.model_, again)]
     for name in ("constants", "coefficients"):
         np.testing.assert_allclose(*(np.array(part[name], float) for part in parts), rtol=1e-12)
