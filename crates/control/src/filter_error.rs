@@ -26,7 +26,7 @@ pub enum FilterError {
     NoCorrelation,
     /// The residuals of an equation are not known.
     #[error(
-        "the model has no residuals of d({state})/dt or next({state}), which give the process noise: fit it with {FIT_PWA}"
+        "the model has no residuals of d({state})/dt or next({state}), which give the process noise: fit it with {FIT_PWA}, or import a network with the logs that trained it"
     )]
     NoResiduals {
         /// Name of the state of the equation.
