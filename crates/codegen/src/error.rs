@@ -66,7 +66,7 @@ pub enum ExportError {
     Unwritable {
         /// The part.
         part: String,
-        /// What to do instead.
+        /// Advice: another model or another format.
         remedy: &'static str,
     },
     /// A step that is not positive.

@@ -24,9 +24,9 @@ const CHUNK_ROWS: usize = 65_536;
 pub struct ImportedModel {
     /// The model.
     pub model: Model,
-    /// What each input of the network is, in its order.
+    /// Regressor of each input of the network, in its order.
     pub inputs: Vec<String>,
-    /// What each output of the network is, in its order.
+    /// Target of each output of the network, in its order.
     pub outputs: Vec<String>,
     /// Units of the hidden layers and their activation, `16-16 tanh`; `None` for an affine map.
     pub hidden: Option<String>,

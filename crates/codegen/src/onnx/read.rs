@@ -160,7 +160,7 @@ fn size(what: &'static str, actual: usize, names: &[String]) -> Result<(), OnnxE
 struct Values<'a> {
     graph: &'a GraphProto,
     values: HashMap<&'a str, Value>,
-    /// How often each value is still read.
+    /// Number of nodes that still read each value.
     reads: HashMap<&'a str, usize>,
     /// Numbers that the computed values hold.
     numbers: usize,

@@ -1,6 +1,6 @@
 //! Rollouts against closed forms.
 
-use std::f64::consts::PI;
+use std::{collections::HashSet, f64::consts::PI};
 
 use crate::common::*;
 use fleetfoot_data::{Silent, Source, with_threads};
@@ -325,7 +325,7 @@ fn the_fast_path_has_the_bits_of_the_general_path() {
             let chosen = starts.choose(&source, 150, 1, 150).unwrap();
             let a = fast.trajectories(&source, &chosen, &options, &Silent).unwrap();
             let b = general.trajectories(&source, &chosen, &options, &Silent).unwrap();
-            let mut visited = std::collections::HashSet::new();
+            let mut visited = HashSet::new();
             for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
                 assert_eq!(a.regions, b.regions);
                 assert!(a.states.iter().zip(&b.states).all(|(x, y)| x.to_bits() == y.to_bits()));
@@ -337,19 +337,27 @@ fn the_fast_path_has_the_bits_of_the_general_path() {
     }
 }
 
+/// Regions of all rows of 50 simulations over 100 steps, by the path for affine models, which the general path must
+/// equal.
+#[track_caller]
+fn regions_on_both_paths(model: &Model, source: &dyn Source, method: Method) -> Vec<u32> {
+    let chosen = Starts::Even(50).choose(source, 100, 1, 100).unwrap();
+    let options = options(100, method);
+    let run = |simulator: Simulator| simulator.trajectories(source, &chosen, &options, &Silent).unwrap();
+    let fast = Simulator::new(model).unwrap();
+    assert!(fast.is_affine());
+    let (fast, general) = (run(fast), run(Simulator::new(model).unwrap().general()));
+    assert_eq!(fast, general);
+    fast.iter().flatten().flat_map(|trajectory| trajectory.regions.iter().copied()).collect()
+}
+
 #[test]
 fn balls_and_boxes_on_both_paths() {
     for rule in [Rule::Ball { radius: 1.5 }, Rule::Box { half: 0.9 }] {
         let (mut model, source) = random_hybrid(4, 1, 2, 300);
         model.partitions[0].rule = rule;
-        let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
-        let options = options(100, Method::Euler);
-        let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
-        let fast = Simulator::new(&model).unwrap();
-        assert!(fast.is_affine());
-        let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
-        assert_eq!(fast, general);
-        let inside = fast.iter().flatten().flat_map(|t| &t.regions).filter(|&&region| region == 0).count();
+        let regions = regions_on_both_paths(&model, &source, Method::Euler);
+        let inside = regions.iter().filter(|&&region| region == 0).count();
         assert!(inside > 100 && inside < 4900, "both regions are visited: {inside}");
     }
 }
@@ -361,15 +369,8 @@ fn joined_cells_on_both_paths() {
     let cells = Rule::voronoi((0..20).map(centroid).collect());
     model.partitions[0].rule = Rule::Joined { cells: cells.into(), regions: (0..20).map(|cell| cell % 3).collect() };
     model.validate().unwrap();
-    let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
-    let options = options(100, Method::Euler);
-    let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
-    let fast = Simulator::new(&model).unwrap();
-    assert!(fast.is_affine());
-    let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
-    assert_eq!(fast, general);
-    let visited: std::collections::HashSet<_> = fast.iter().flatten().flat_map(|t| t.regions.iter().copied()).collect();
-    assert_eq!(visited.len(), 3);
+    let regions = regions_on_both_paths(&model, &source, Method::Euler);
+    assert_eq!(HashSet::<u32>::from_iter(regions).len(), 3);
 }
 
 #[test]
@@ -388,17 +389,9 @@ fn cuts_on_both_paths() {
     // The second column has no cut.
     (partition.centre, partition.scale) = (vec![0.0; 4], vec![1.0; 4]);
     model.validate().unwrap();
-    let chosen = Starts::Even(50).choose(&source, 100, 1, 100).unwrap();
     for method in [Method::Euler, Method::Rk4] {
-        let options = options(100, method);
-        let run = |simulator: Simulator| simulator.trajectories(&source, &chosen, &options, &Silent).unwrap();
-        let fast = Simulator::new(&model).unwrap();
-        assert!(fast.is_affine());
-        let (fast, general) = (run(fast), run(Simulator::new(&model).unwrap().general()));
-        assert_eq!(fast, general);
-        let visited: std::collections::HashSet<_> =
-            fast.iter().flatten().flat_map(|t| t.regions.iter().copied()).collect();
-        assert_eq!(visited.len(), 4);
+        let regions = regions_on_both_paths(&model, &source, method);
+        assert_eq!(HashSet::<u32>::from_iter(regions).len(), 4);
     }
 }
 
