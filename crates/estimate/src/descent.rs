@@ -5,6 +5,7 @@ use fleetfoot_stats::kernel::norm;
 use crate::{
     EstimateError,
     evaluate::{Evaluation, Objective, Pass},
+    search::search,
     step::{Region, Step, step},
 };
 
@@ -19,6 +20,9 @@ pub struct Options {
     pub cost: f64,
     /// Trial steps at most; each is one pass over the rows.
     pub max_iterations: usize,
+    /// Evaluations of a global search before the first step; 0 to begin at the initial values. Each is one pass over the
+    /// rows. Ranges of the search are the bounds; without them it is centred at the initial values.
+    pub search: usize,
     /// First radius of trust, relative to the initial parameters, both in units of their columns' lengths.
     pub radius: f64,
     /// Rows of a chunk, at most: the clustered covariance allows correlation within it.
@@ -27,7 +31,15 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { gradient: 1e-12, step: 1e-13, cost: 1e-13, max_iterations: 500, radius: 1.0, chunk_rows: 65_536 }
+        Self {
+            gradient: 1e-12,
+            step: 1e-13,
+            cost: 1e-13,
+            max_iterations: 500,
+            search: 0,
+            radius: 1.0,
+            chunk_rows: 65_536,
+        }
     }
 }
 
@@ -76,6 +88,19 @@ impl Options {
     }
 }
 
+/// The best point of a global search.
+fn searched(objective: &dyn Objective, theta: Vec<f64>, evaluations: usize) -> Result<Vec<f64>, EstimateError> {
+    let inside = |theta: &[f64]| objective.limits().map_or(theta.to_vec(), |limits| limits.pulled(theta));
+    let found = search(objective.bounds(), theta, evaluations, |theta| {
+        fleetfoot_data::checkpoint();
+        Ok::<_, EstimateError>(match objective.evaluate(&inside(theta))? {
+            Pass::Finite(at) => at.cost,
+            Pass::Refused(_) => f64::INFINITY,
+        })
+    })?;
+    Ok(inside(&found))
+}
+
 /// A gradient is lower when it is below this share of the one before. The iteration converges linearly if residuals are
 /// large, and rounding does not go on falling.
 const LOWER_GRADIENT: f64 = 0.95;
@@ -101,13 +126,17 @@ impl<'a> Descent<'a> {
         theta: Vec<f64>,
         options: &'a Options,
     ) -> Result<Self, EstimateError> {
+        let theta = match options.search {
+            0 => theta,
+            evaluations => searched(objective, theta, evaluations)?,
+        };
         match objective.evaluate(&theta)? {
             Pass::Finite(at) => Self::from(objective, theta, at, options),
             Pass::Refused(error) => Err(error),
         }
     }
 
-    /// From parameters that are evaluated.
+    /// From parameters that are evaluated, without a search.
     pub(crate) fn from(
         objective: &'a dyn Objective,
         theta: Vec<f64>,

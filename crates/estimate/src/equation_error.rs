@@ -33,14 +33,15 @@ pub fn equation_error<'a>(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<EquationError, EstimateError> {
-    let bounded = parameters.into();
+    let (bounded, mut options) = (parameters.into(), *options);
     let (mut residuals, mut parameters) = (residuals.to_vec(), bounded.parameters.to_vec());
     let inside: Vec<f64> = parameters.iter().map(|parameter| parameter.initial).collect();
     let mut round = 0;
     loop {
         round += 1;
         let inner = Bounded { parameters: &parameters, inside: Some(bounded.inside.unwrap_or(&inside)), ..bounded };
-        let estimate = nonlinear_least_squares(&residuals, inner, source, options, progress)?;
+        let estimate = nonlinear_least_squares(&residuals, inner, source, &options, progress)?;
+        options.search = 0;
         let deviation = |(share, residual): (&f64, &Residual)| (share / residual.weight / estimate.rows as f64).sqrt();
         let deviations: Vec<f64> = estimate.shares.iter().zip(&residuals).map(deviation).collect();
         let stays = |(residual, deviation): (&Residual, &f64)| (residual.weight.sqrt() * deviation - 1.0).abs() < SAME;

@@ -62,6 +62,7 @@ mod reads;
 mod recorded;
 mod resimulation;
 mod rows;
+mod search;
 mod separable;
 mod simulation;
 mod smoothing;

@@ -256,7 +256,7 @@ fn near(
     options: &OutputErrorOptions,
 ) -> Result<Rounds, EstimateError> {
     let mut theta = best_start(segments, parameters, gains, &options.starts)?;
-    let end = Options { gradient: 1e-4, step: 1e-6, cost: 1e-6, ..options.descent };
+    let mut end = Options { gradient: 1e-4, step: 1e-6, cost: 1e-6, ..options.descent };
     let mut rounds = 0;
     loop {
         rounds += 1;
@@ -266,6 +266,7 @@ fn near(
         let (deviations, change) = segments.deviations_of(&descent.at.shares);
         let misfit = segments.misfit(&descent.at.shares);
         theta = descent.theta;
+        end.search = 0;
         segments.deviations = deviations;
         if change < ROUGH || rounds == ROUNDS {
             return Ok(Rounds { theta, standing: segments.standing(), misfit, rounds });
@@ -281,11 +282,12 @@ fn to_the_end(
     options: &OutputErrorOptions,
 ) -> Result<Minimum, EstimateError> {
     segments.exact = true;
+    let descent_options = Options { search: 0, ..options.descent };
     let most = rounds + ROUNDS;
     loop {
         rounds += 1;
         segments.forget();
-        let mut descent = Descent::new(&*segments, theta, &options.descent)?;
+        let mut descent = Descent::new(&*segments, theta, &descent_options)?;
         let (status, _) = descent.run()?;
         let (deviations, change) = segments.deviations_of(&descent.at.shares);
         if change < SAME || rounds == most {

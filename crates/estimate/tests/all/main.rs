@@ -11,5 +11,6 @@ mod matrix_limits;
 mod nist;
 mod output_error;
 mod resimulation;
+mod search;
 mod simulation;
 mod smoothing;
