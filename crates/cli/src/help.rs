@@ -14,7 +14,7 @@ const GROUPS: [(&str, &str); 6] = [
     (
         "Selection",
         "select objective folds purge horizon starts effort restarts seed test-share terms max-terms stability bolasso \
-         ensemble inclusion front tried keep-all iterations max-iterations",
+         ensemble inclusion front tried keep-all iterations max-iterations search",
     ),
     ("Checks", "strict dry-run plan influence compare outside unseen-labels no-domain"),
     (

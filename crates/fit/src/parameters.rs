@@ -42,6 +42,8 @@ pub(crate) struct EstimateOptions {
     pub(crate) segment: Option<usize>,
     pub(crate) compare: Vec<String>,
     pub(crate) folds: usize,
+    /// Evaluations of a global search before the descent.
+    search: usize,
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
 }
@@ -71,6 +73,7 @@ impl EstimateOptions {
             segment: section.segment,
             compare,
             folds: section.folds.unwrap_or(5),
+            search: section.search.unwrap_or(0),
             smoothed: recipe.time.smoothed,
         })
     }
@@ -266,10 +269,10 @@ fn estimate(
                 entry = PARAMETERS.entry(silent)
             )));
         }
-        return Ok(Estimate::Equation(by_equations(task, limits, source, progress)?));
+        return Ok(Estimate::Equation(by_equations((task, limits), None, source, options.search, progress)?));
     }
     // Equation errors of single rows give a second starting point; without them there is one.
-    let starts = match by_equations(task, limits, source, progress) {
+    let starts = match by_equations((task, limits), None, source, 0, progress) {
         Ok(refitted) => vec![refitted.estimate.values],
         Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
         Err(_) => Vec::new(),
@@ -282,7 +285,7 @@ fn estimate(
     })
 }
 
-/// The same method on other rows of the logs, from an earlier estimate.
+/// The same method on other rows of the logs, from an earlier estimate, without a search.
 fn again(
     task: &ParametersTask,
     open: &Model,
@@ -292,8 +295,13 @@ fn again(
     progress: &dyn Progress,
 ) -> Result<Estimate, EstimateError> {
     let starts = vec![before.values().to_vec()];
+    // A search may have left the valley of the initial values.
+    let start = (options.search > 0).then(|| before.values());
+    let options = &EstimateOptions { search: 0, ..options.clone() };
     Ok(match before {
-        Estimate::Equation(_) => Estimate::Equation(by_equations(task, &task.limits, source, progress)?),
+        Estimate::Equation(_) => {
+            Estimate::Equation(by_equations((task, &task.limits), start, source, options.search, progress)?)
+        }
         Estimate::Simulated { filter: None, .. } => {
             by_outputs((task, &task.limits), open, source, options, starts, progress)?.into()
         }
@@ -304,15 +312,20 @@ fn again(
     })
 }
 
+/// `start`: values from which the descent begins, in place of the initial ones.
 fn by_equations(
-    task: &ParametersTask,
-    limits: &[MatrixLimit],
+    (task, limits): (&ParametersTask, &[MatrixLimit]),
+    start: Option<&[f64]>,
     source: &dyn Source,
+    search: usize,
     progress: &dyn Progress,
 ) -> Result<EquationError, EstimateError> {
     let chunk_rows = (source.rows() / CHUNKS).clamp(256, 65_536);
-    let options = Options { chunk_rows, ..Options::default() };
-    equation_error(&task.residuals, Bounded::new(&task.bounded(), limits), source, &options, progress)
+    let options = Options { chunk_rows, search, ..Options::default() };
+    let mut parameters = task.bounded();
+    let starts = start.into_iter().flatten();
+    parameters.iter_mut().zip(starts).for_each(|(parameter, start)| parameter.initial = *start);
+    equation_error(&task.residuals, Bounded::new(&parameters, limits), source, &options, progress)
 }
 
 fn by_outputs(
@@ -343,6 +356,7 @@ fn simulated(options: &EstimateOptions, starts: Vec<Vec<f64>>) -> OutputErrorOpt
     let mut output_error_options = OutputErrorOptions::default();
     (output_error_options.rows, output_error_options.outputs, output_error_options.starts) =
         (options.segment, options.compare.clone(), starts);
+    output_error_options.descent.search = options.search;
     output_error_options
 }
 

@@ -38,6 +38,9 @@ class Parameters(Identifier):
         States that are compared with their measurements; default: all.
     folds : int, default=5
         Number of folds whose rows are held out in turn and simulated; 0 for none.
+    search : int, default=0
+        Evaluations of a global search for the start, between the bounds of the parameters; each is one simulation of
+        the logs.
     COMMON
 
     Attributes
@@ -70,6 +73,7 @@ class Parameters(Identifier):
         segment: int | None = None,
         compare: Sequence[str] | None = None,
         folds: int = 5,
+        search: int = 0,
         states: States = None,
         inputs: States = None,
         angles: Sequence[str] = (),
@@ -87,6 +91,7 @@ class Parameters(Identifier):
         self.segment = segment
         self.compare = compare
         self.folds = folds
+        self.search = search
         super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _method_recipe(self) -> dict[str, Any]:
@@ -96,6 +101,7 @@ class Parameters(Identifier):
             segment=self._whole("segment", 2),
             compare=None if compare is None else ",".join(f"`{name}`" for name in compare),
             folds=self._whole("folds", 0),
+            search=self._whole("search", 0),
         )
         given = (self.parameters or {}).items()
         parameters = {

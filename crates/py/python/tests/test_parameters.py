@@ -39,9 +39,9 @@ def test_intervals_hold_parameters_of_the_model():
 
 
 def test_arguments_reach_the_recipe():
-    given = ff.Parameters({"k": 1.0}, method="equation-error", segment=20, compare=["x"], folds=0)._method_recipe()
+    given = ff.Parameters({"k": 1.0}, method="equation-error", segment=20, compare=["x"], folds=0, search=300)._method_recipe()
     assert given == {
-        "estimate": {"method": "equation-error", "segment": 20, "compare": "`x`", "folds": 0},
+        "estimate": {"method": "equation-error", "segment": 20, "compare": "`x`", "folds": 0, "search": 300},
         "parameters": {"k": {"initial": 1.0}},
     }
     assert ff.Parameters()._method_recipe() == {}

@@ -37,5 +37,9 @@ settings! {
         /// 5).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub folds: usize,
+        /// Evaluations of a global search for the start, between the bounds of the parameters; each is one simulation
+        /// of the logs (default: 0, start at the initial values).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
+        pub search: usize,
     }
 }
