@@ -191,17 +191,17 @@ pub(crate) struct Info {
     /// Files, globs or folders.
     #[arg(required = true, value_name = "DATA")]
     pub(crate) data: Vec<PathBuf>,
-    /// Minimum, mean, maximum and missing values of every column, from a pass over all values.
+    /// Minimum, mean, maximum and missing values of every column.
     #[arg(long)]
     pub(crate) values: bool,
-    /// Correlation of every pair of columns, from a pass over the rows.
+    /// Correlation of every pair of columns.
     #[arg(long, conflicts_with_all = ["values", "lag"])]
     pub(crate) correlation: bool,
     /// Columns of the correlation, separated by commas (default: all numbers).
     #[arg(long, value_name = "COLUMNS", requires = "correlation")]
     pub(crate) columns: Option<List>,
-    /// A reference and its response: their difference and correlation, by the rows by which the response is later
-    /// (default: no such pair).
+    /// A reference and its response: their difference and correlation by the delay of the response (default: no such
+    /// pair).
     #[arg(long, value_name = "REFERENCE,RESPONSE", conflicts_with = "values")]
     pub(crate) lag: Option<List>,
     /// Largest shift of --lag, in rows.
@@ -262,9 +262,8 @@ pub(crate) struct RecipeArgs {
     /// Short name for a field or an expression; may be repeated.
     #[arg(long, value_name = "NAME=EXPRESSION")]
     pub(crate) alias: Vec<String>,
-    /// Derivative of a state: auto (central difference; fit sindy chooses its order by the data), central, central4,
-    /// central6 (order 2, 4, 6), forward, backward, a column, an expression, or over:20 (mean slope to 20 rows ahead);
-    /// may be repeated.
+    /// Derivative of a state: auto, central, central4, central6 (order 2, 4, 6), forward, backward, a column, an
+    /// expression, or over:20 (mean slope to 20 rows ahead); may be repeated.
     #[arg(long, value_name = "STATE=HOW")]
     pub(crate) derivative: Vec<String>,
     /// Target: derivative, next, delta, or columns separated by commas; columns need no time stamps (default:
@@ -274,16 +273,14 @@ pub(crate) struct RecipeArgs {
     /// Total degree of the polynomial library; 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx searches).
     #[arg(long, value_name = "N")]
     pub(crate) degree: Option<u32>,
-    /// Number of radial functions of states and inputs (Gaussians around k-means centroids) beside the polynomials,
-    /// whose degree is then 1 unless given; for fit pwa and fit sindy (default: none).
+    /// Number of Gaussian radial functions beside the polynomials, for fit pwa and fit sindy (default: none).
     #[arg(long, value_name = "N")]
     pub(crate) radial: Option<usize>,
     /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L as L:K
     /// (default: 0; narx and network search).
     #[arg(long, value_name = "ROWS")]
     pub(crate) lags: Option<Lags>,
-    /// Non-negative row weights, a column or an expression. Weight w counts a squared error w times; only ratios of
-    /// weights matter (default: 1 for every row).
+    /// Non-negative row weights, a column or an expression; only their ratios matter (default: 1 for every row).
     #[arg(long, value_name = "EXPRESSION")]
     pub(crate) weight: Option<String>,
     #[command(flatten)]
@@ -295,7 +292,7 @@ pub(crate) struct TimeArgs {
     /// Column of the time stamps (default: recognised by its name).
     #[arg(long, value_name = "COLUMN")]
     pub(crate) time: Option<String>,
-    /// Unit of numeric stamps: s, ms, us, ns (default: inferred from name and size of the stamps).
+    /// Unit of numeric stamps: s, ms, us, ns (default: inferred from name and size).
     #[arg(long, value_name = "UNIT", requires = "time")]
     pub(crate) time_unit: Option<String>,
     /// Seconds between rows, in place of a time column (default: stamps are read).
@@ -304,8 +301,8 @@ pub(crate) struct TimeArgs {
     /// Gap between stamps that ends an episode: seconds, auto (five median periods) or none (default: auto).
     #[arg(long, value_name = "SECONDS")]
     pub(crate) max_gap: Option<String>,
-    /// Condition on rows, as in 'armed > 0 and 2 < time() < 60' or "mode == 'auto'"; other rows end an episode
-    /// (default: all rows; with a model, the condition of its recipe).
+    /// Condition on rows, as in 'armed > 0 and 2 < time() < 60'; other rows end an episode (default: all rows; with a
+    /// model, its condition).
     #[arg(long = "where", value_name = "CONDITION")]
     pub(crate) only: Option<String>,
     #[command(flatten)]
@@ -327,8 +324,8 @@ pub(crate) struct ChannelArgs {
     /// Name of a topic in the recipe or model, and in these files; may be repeated.
     #[arg(long, value_name = "/OURS=/FILE")]
     pub(crate) rename: Vec<String>,
-    /// Folder for decoded columns as Parquet; columns that it holds are reused (default: `.fleetfoot-cache` beside the
-    /// model, for logs of 64 MiB and more).
+    /// Folder for decoded columns, which later commands reuse (default: `.fleetfoot-cache` beside the model, for logs
+    /// of 64 MiB and more).
     #[arg(long, value_name = "DIR", conflicts_with = "no_cache")]
     pub(crate) cache: Option<PathBuf>,
     /// Decode the logs anew, and keep no decoded columns.
@@ -338,7 +335,7 @@ pub(crate) struct ChannelArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum StampArg {
-    /// Time of measurement: the stamp in the message's header.
+    /// Stamp in the message's header.
     #[value(alias = "header.stamp")]
     Header,
     /// Time of recording.
@@ -362,8 +359,7 @@ pub(crate) struct FitData {
 /// Output of a fit.
 #[derive(Debug, Args)]
 pub(crate) struct FitOutput {
-    /// Models of the other candidates beside the chosen one: of all partitions (model_kmeans10.json), or of other
-    /// numbers of terms (model_terms3.json).
+    /// Models of the other candidates beside the chosen one, such as model_kmeans10.json or model_terms3.json.
     #[arg(long, alias = "keep-front")]
     pub(crate) keep_all: bool,
     /// Print rows, memory and work of the job, then stop.
@@ -381,8 +377,8 @@ pub(crate) struct FitPwa {
     /// Partitions, of which one is chosen: `average`, `kmeans:10`, `kmeans:2,5,10`, `refined:2..20`, `tree:3`,
     /// `labels:COLUMN`, `null` (default: those of the recipe, else `average,kmeans:2,5,10`).
     ///
-    /// Others are `zscore:1.5`, `zbox:1.5`, `lattice:2..50` and `labels:COLUMN+kmeans:5` (or `+refined:5`, `+tree:3`). The
-    /// default has `refined:2..5` too for 2,000 rows or fewer; of a statistic it is those that it sums.
+    /// Others are `zscore:1.5`, `zbox:1.5`, `lattice:2..50` and `labels:COLUMN+kmeans:5` (or `+refined:5`, `+tree:3`).
+    /// The default has `refined:2..5` too for 2,000 rows or fewer; of a statistic it is those that it sums.
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// Columns that define the regions, separated by commas (default: the states).
@@ -424,8 +420,7 @@ pub(crate) struct Score {
     /// Score of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,
-    /// Two columns or expressions, separated by a comma: a map of region changes and errors over their plane (default:
-    /// no plane).
+    /// Two columns or expressions: a map of region changes and errors over their plane (default: no plane).
     #[arg(long, value_name = "A,B")]
     pub(crate) plane: Option<List>,
     /// Cells of the plane along each axis.
@@ -440,9 +435,7 @@ pub(crate) struct Score {
 pub(crate) struct Predict {
     #[command(flatten)]
     pub(crate) model: ModelData,
-    /// File to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`, with layouts
-    /// for Foxglove and PlotJuggler). Logs without the target columns are predicted too; cells without a measurement
-    /// stay empty.
+    /// File to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
@@ -455,8 +448,8 @@ pub(crate) struct Show {
     /// Number of regions to print, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
-    /// Sequence of regions, duration of a visit, position along a phase, and neighbours whose maps differ; for models
-    /// of refined partitions, lattices and trees, and those fitted with --phase.
+    /// Sequence and duration of regions, position along a phase, and neighbours whose maps differ; for refined
+    /// partitions, lattices, trees and --phase.
     #[arg(long)]
     pub(crate) transitions: bool,
     /// Comparison of all pairs of regions, instead of neighbours only, where the model holds them.

@@ -18,8 +18,7 @@ const HEAD: &str = "\
 This page lists all commands and options; `fleetfoot COMMAND --help` prints the same text. `fleetfoot completions SHELL`
 prints completions for bash, zsh, fish, elvish and PowerShell, and `fleetfoot man` writes manual pages.
 
-Results go to standard output, progress and notes to standard error. The exit code is 0, 1 (error in the data or the
-fit), 2 (error in the arguments) or 130 (stopped). The [glossary](glossary.md) explains the terms.
+[Conventions](conventions.md) describe data, outputs and exit codes; the [glossary](glossary.md) explains the terms.
 ";
 
 /// Commands that share an option from which on it stands once, above them.

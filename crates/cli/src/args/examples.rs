@@ -19,7 +19,6 @@ Examples:
 pub(crate) const INFO: &str = "\
 Examples:
   fleetfoot info run.mcap
-  fleetfoot info runs/ --values
   fleetfoot info runs/ --correlation
   fleetfoot info run.csv --lag v_ref,v --reach 200";
 
@@ -37,7 +36,6 @@ Examples:
 pub(crate) const INIT: &str = "\
 Examples:
   fleetfoot init run.mcap
-  fleetfoot init run.mcap -o robot.toml
   fleetfoot init runs/ -o robot.toml              folders of imu.csv, odom.csv, ...: a recipe that joins them";
 
 pub(crate) const SCHEMA: &str = "\
@@ -48,12 +46,10 @@ Examples:
 pub(crate) const PREPARE: &str = "\
 Examples:
   fleetfoot prepare -c robot.toml runs/ -o clean/
-  fleetfoot prepare -c robot.toml runs/ -o clean/ --method quintic --second-order --dejitter
-  fleetfoot prepare -c robot.toml runs/ -o clean/ --method butterworth --cutoff 20 --decimate 10 --force";
+  fleetfoot prepare -c robot.toml runs/ -o clean/ --method quintic --second-order --dejitter";
 
 pub(crate) const SCAN: &str = "\
 Examples:
-  fleetfoot scan -c robot.toml runs/ -o run.stats
   fleetfoot scan -c robot.toml runs/ --partition kmeans:2,5,10 -o run.stats
   fleetfoot scan -c robot.toml today/ -o run.stats --append
   fleetfoot scan -c robot.toml fleet/ -o fleet.stats --key 'aircraft={dir1}'";
@@ -68,8 +64,7 @@ Examples:
 
 pub(crate) const STATS_DROP: &str = "\
 Examples:
-  fleetfoot stats drop fleet.stats --where aircraft=3 -o without_3.stats
-  fleetfoot stats drop run.stats --file run_07.mcap -o rest.stats";
+  fleetfoot stats drop fleet.stats --where aircraft=3 -o without_3.stats";
 
 pub(crate) const STATS_COMPACT: &str = "\
 Examples:
@@ -77,7 +72,6 @@ Examples:
 
 pub(crate) const FIT_NETWORK: &str = "\
 Examples:
-  fleetfoot fit network -c robot.toml runs/
   fleetfoot fit network log.csv --states x,v --inputs u --predict next --lags 3
   fleetfoot fit network log.csv --states x,v --inputs u --hidden 32,32 --activation relu --effort high";
 
@@ -91,7 +85,6 @@ Examples:
 pub(crate) const FIT_SPARSE: &str = "\
 Examples:
   fleetfoot fit sparse -c aircraft.toml climbs/ --bolasso episodes:200 --threshold 0.9
-  fleetfoot fit sparse -c aircraft.toml run.stats --lambda 0.0002
   fleetfoot fit sparse -c aircraft.toml run.stats --groups signal
   fleetfoot fit sparse -c aircraft.toml fleet.stats --by aircraft --frequencies frequencies.parquet";
 
@@ -106,14 +99,11 @@ pub(crate) const FIT_NARX: &str = "\
 Examples:
   fleetfoot fit narx train.csv --outputs y --inputs u --free-run test.csv
   fleetfoot fit narx log.csv --outputs y --inputs u --lags-out 2 --lags-in 2 --degree 3 --test-share 0.2
-  fleetfoot fit narx log.csv --outputs y --inputs u --partition average,kmeans:5,20 --partition-on 'y,y - lag(y, 1),u'
-  fleetfoot fit narx log.csv --outputs y --inputs u --partition average,refined:2..6 --lags-out 3 --lags-in 3 --degree 2 --order auto --select bic
   fleetfoot fit narx run.stats --select bic --free-run test.csv";
 
 pub(crate) const FIT_PARAMETERS: &str = "\
 Examples:
   fleetfoot fit parameters -c robot.toml runs/
-  fleetfoot fit parameters -c robot.toml runs/ --method filter-error
   fleetfoot fit parameters -c robot.toml runs/ --segment 500 --compare q --parameter 'mass=90 in 50..150'";
 
 pub(crate) const SCORE: &str = "\
@@ -133,8 +123,7 @@ Examples:
 
 pub(crate) const PREDICT: &str = "\
 Examples:
-  fleetfoot predict model.json run.mcap -o predicted.mcap
-  fleetfoot predict model.json log.csv -o predicted.csv";
+  fleetfoot predict model.json run.mcap -o predicted.mcap";
 
 pub(crate) const ROLLOUT: &str = "\
 Examples:
@@ -143,7 +132,6 @@ Examples:
 
 pub(crate) const FREQUENCY: &str = "\
 Examples:
-  fleetfoot frequency -c robot.toml runs/ --input u --output v
   fleetfoot frequency model.json held-out.mcap --input u --output v --page bode.html
   fleetfoot frequency -c stage.toml multisine/ --input tau --output v --period 4";
 
@@ -155,8 +143,7 @@ Examples:
 pub(crate) const REPORT: &str = "\
 Examples:
   fleetfoot report model.json held-out.mcap -o report.html
-  fleetfoot report model_average.json model_kmeans10.json test/ --horizon 100 --svg figures/
-  fleetfoot report model.json";
+  fleetfoot report model_average.json model_kmeans10.json test/ --horizon 100 --svg figures/";
 
 pub(crate) const SHOW: &str = "\
 Examples:
@@ -165,13 +152,11 @@ Examples:
 pub(crate) const EXPORT: &str = "\
 Examples:
   fleetfoot export model.json --to c --precision float --prefix robot --discretize 0.002 -o src/
-  fleetfoot export model.json --to latex
   fleetfoot export network.json --to onnx --precision float";
 
 pub(crate) const IMPORT: &str = "\
 Examples:
-  fleetfoot import net.onnx training/ -c robot.toml -o model.json
-  fleetfoot import net.onnx -c robot.toml --dt 0.02";
+  fleetfoot import net.onnx training/ -c robot.toml -o model.json";
 
 pub(crate) const GENERATE: &str = "\
 Examples:
@@ -182,8 +167,7 @@ Examples:
 
 pub(crate) const COMPLETIONS: &str = "\
 Examples:
-  fleetfoot completions bash
-  fleetfoot completions zsh";
+  fleetfoot completions bash";
 
 pub(crate) const MAN: &str = "\
 Examples:

@@ -18,7 +18,7 @@ pub(crate) struct Export {
     /// Prefix of all names, and name of the files: lower-case letters, digits and _.
     #[arg(long, value_name = "NAME", default_value = "model")]
     pub(crate) prefix: String,
-    /// Fixed step length of the code, for a model of derivatives; without it, each call takes the length of its step.
+    /// Fixed step length of the code, for a model of derivatives (default: an argument of each call).
     #[arg(long, value_name = "SECONDS")]
     pub(crate) discretize: Option<f64>,
     /// Integration of derivatives.

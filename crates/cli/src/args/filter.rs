@@ -13,8 +13,8 @@ pub(crate) struct Filter {
     pub(crate) model: ModelData,
     #[command(flatten)]
     pub(crate) section: FilterSection,
-    /// File for mean and deviation of every state, innovations, and probabilities of the regions: Parquet
-    /// (`*.parquet`), text (`*.csv`, `*.tsv`) or messages (`*.mcap`) (default: none).
+    /// File for means and deviations of states, innovations, and probabilities of the regions: `*.parquet`, `*.csv`,
+    /// `*.tsv` or `*.mcap` (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

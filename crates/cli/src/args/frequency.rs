@@ -20,15 +20,14 @@ pub(crate) struct Frequency {
     /// Output: a column, or an expression over columns; with a model one of its states.
     #[arg(long, value_name = "COLUMN")]
     pub(crate) output: String,
-    /// Length of the segments of averaged spectra, rounded to a power of two of samples (default: the longest that
-    /// gives sixteen segments).
+    /// Length of the averaged segments, rounded to a power of two of samples (default: the longest that gives sixteen
+    /// segments).
     #[arg(long, value_name = "SECONDS", conflicts_with = "period")]
     pub(crate) segment: Option<f64>,
-    /// Period of a periodic excitation, such as a multisine: whole periods, and distortion at the frequencies that it
-    /// leaves out (default: averaged spectra).
+    /// Period of a periodic excitation, such as a multisine (default: averaged spectra).
     #[arg(long, value_name = "SECONDS")]
     pub(crate) period: Option<f64>,
-    /// Periods at the beginning of each episode that are left out, while the robot settles.
+    /// Periods at the beginning of each episode that are left out.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "period", value_parser = fleetfoot::whole::<usize>(0..=1_000_000))]
     pub(crate) skip: usize,
     #[command(flatten)]

@@ -53,7 +53,7 @@ pub(crate) struct Generate {
     /// Number of runs; each is a file.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub(crate) runs: u64,
-    /// Number of the first run: run 7 is the same whether it is made with the others or alone.
+    /// Number of the first run; a run does not depend on the others.
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u64).range(..1_000_000_000))]
     pub(crate) first_run: u64,
     /// Speed, m/s; with two (A:B) runs are spread evenly from A to B (default: depends on the robot).
@@ -65,8 +65,8 @@ pub(crate) struct Generate {
     /// Format of the logs (default: mcap; parquet for robots without messages).
     #[arg(long, value_enum)]
     pub(crate) format: Option<LogFormat>,
-    /// TOML file of physical parameters, where missing entries have their defaults; or a generated log, for the world
-    /// that it was made in (default: the robot's own world).
+    /// TOML file of physical parameters, or a generated log, for the world that it was made in (default: the robot's
+    /// own world).
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
     /// Physical parameter to set: its path in the world file and a value; may be repeated.

@@ -20,9 +20,8 @@ pub(crate) struct FitNarx {
     /// the candidates (default: products of lags).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
-    /// Partitions: average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN. Each region has terms
-    /// of its own; from several (`average,kmeans:2,5,10`) one is chosen, by free runs or by --select (default:
-    /// average).
+    /// Partitions, of which --select chooses one: average, zscore:1.5, `kmeans:2,5,10`, refined:5, lattice:5, tree:3,
+    /// labels:COLUMN (default: average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// Columns that define the regions, separated by commas (default: the outputs).

@@ -27,12 +27,12 @@ pub(crate) struct Report {
     pub(crate) controller: ControllerArgs,
     #[command(flatten)]
     pub(crate) paths: PathArgs,
-    /// Two columns or expressions, separated by a comma: a map of the best model's errors and region changes over their
-    /// plane (default: the angles of a model that has two of them, else no plane).
+    /// Two columns or expressions: a map of the best model's errors and region changes (default: the angles of a model
+    /// that has two, else none).
     #[arg(long, value_name = "A,B")]
     pub(crate) plane: Option<List>,
-    /// JSON report of the fit of one of the models, from `fit sparse --json` or `fit sindy --json`: the page then shows
-    /// how the model was chosen; may be repeated (default: none).
+    /// Report of `fit sparse --json` or `fit sindy --json`, to show how the model was chosen; may be repeated (default:
+    /// none).
     #[arg(long, value_name = "FILE")]
     pub(crate) fit: Vec<PathBuf>,
     /// Page to write.

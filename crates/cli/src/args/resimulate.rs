@@ -16,9 +16,8 @@ pub(crate) struct Resimulate {
     /// Deviations of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,
-    /// File for states and inputs, each beside its measurement and the open-loop simulation: Parquet (`*.parquet`),
-    /// text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`, with layouts for Foxglove and PlotJuggler) (default:
-    /// none).
+    /// File for states and inputs beside their measurements and the open-loop simulation: `*.parquet`, `*.csv`, `*.tsv`
+    /// or `*.mcap` (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

@@ -18,12 +18,11 @@ pub(crate) enum Method {
 /// Scores of simulated paths.
 #[derive(Debug, Args)]
 pub(crate) struct PathArgs {
-    /// States whose path is compared with the recorded one, separated by commas and of one unit: `x,y`; distance,
-    /// direction, relative growth of the distance, time warping (default: none).
+    /// States of one unit whose path is compared with the recorded one, separated by commas: `x,y` (default: none).
     #[arg(long, value_name = "STATES")]
     pub(crate) position: Option<List>,
-    /// A state that follows a column or expression at once, as a baseline, or a rate that does: `vx=vx_ref`,
-    /// `d(x)/dt=vx_ref`; may be repeated (default: no such baseline).
+    /// Baseline: a state or rate that follows an expression at once, `vx=vx_ref` or `d(x)/dt=vx_ref`; may be repeated
+    /// (default: none).
     #[arg(long, value_name = "STATE=EXPRESSION")]
     pub(crate) reference: Vec<String>,
     /// Steps over which the relative growth of the distance is taken.
@@ -48,8 +47,8 @@ impl PathArgs {
 /// Source of the inputs of simulations.
 #[derive(Debug, Args)]
 pub(crate) struct ControllerArgs {
-    /// Controller that computes the inputs from the simulated states: a file of `control lqr`, treadmill, or a TOML
-    /// file with `kind = "treadmill"` and settings (default: inputs as recorded).
+    /// Controller that computes the inputs: a file of `control lqr`, treadmill, or a TOML file with
+    /// `kind = "treadmill"` (default: inputs as recorded).
     #[arg(long, value_name = "KIND|FILE")]
     pub(crate) controller: Option<String>,
     /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and
@@ -94,8 +93,7 @@ pub(crate) struct Rollout {
     pub(crate) seed: Option<u64>,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
-    /// File for the trajectories, each state beside its measurement: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or
-    /// messages for viewers (`*.mcap`, with layouts for Foxglove and PlotJuggler) (default: none).
+    /// File for the trajectories beside their measurements: `*.parquet`, `*.csv`, `*.tsv` or `*.mcap` (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

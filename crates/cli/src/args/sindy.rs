@@ -20,7 +20,7 @@ pub(crate) struct FitSindy {
     /// Columns that define the regions, separated by commas (default: the states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) partition_on: Option<List>,
-    /// Pareto front: the error of the best model of every number of terms.
+    /// Pareto front: the least error by number of terms.
     #[arg(long)]
     pub(crate) front: bool,
     /// Steps of the rollouts that choose the span of `--derivative STATE=over:auto` (default: 50).

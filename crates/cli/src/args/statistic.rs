@@ -13,12 +13,11 @@ pub(crate) struct Scan {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
-    /// Candidate functions of the equations, separated by commas, as in `fit sindy` (default: the monomials up to
-    /// --degree, else poly(2), or poly(1) where poly(2) has more than 500).
+    /// Candidate functions of the equations, with form and default of `fit sindy`.
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
-    /// Partitions whose regions are summed beside all rows: `kmeans:2,5,10`, zscore:1.5, labels:COLUMN. They are
-    /// clustered before the pass and frozen with the plan (default: those of the recipe).
+    /// Partitions whose regions are summed beside all rows: `kmeans:2,5,10`, zscore:1.5, labels:COLUMN (default: those
+    /// of the recipe).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// Columns that define the regions, separated by commas (default: the states).
@@ -27,8 +26,8 @@ pub(crate) struct Scan {
     /// Statistic to write.
     #[arg(short, long, value_name = "STATS", default_value = "run.stats")]
     pub(crate) output: PathBuf,
-    /// Label of the episodes from the path of their file: `aircraft={dir1}`, with {dir1} the folder of the file, {dir2}
-    /// the one above, {name} and {stem}; may be repeated.
+    /// Label of the episodes from the path of their file: `aircraft={dir1}` is its folder, {dir2} the one above, also
+    /// {name}, {stem}; may be repeated.
     #[arg(long, value_name = "NAME=TEXT")]
     pub(crate) key: Vec<String>,
     /// Add to the output, with its plan, if it exists; logs that it holds are skipped.
@@ -37,7 +36,7 @@ pub(crate) struct Scan {
     /// Statistic whose plan is used, so that the two can be merged (default: a new plan).
     #[arg(long, value_name = "STATS")]
     pub(crate) plan: Option<PathBuf>,
-    /// Rows of a chunk, the smallest part of an episode that is stored separately (default: by the number of rows).
+    /// Rows of a chunk, the smallest stored part of an episode (default: by the number of rows).
     #[arg(long, value_name = "N")]
     pub(crate) chunk_rows: Option<NonZeroUsize>,
     /// Replace an existing output, and the unfinished output of another command.

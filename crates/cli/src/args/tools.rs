@@ -13,7 +13,7 @@ pub(crate) struct Completions {
 
 #[derive(Debug, Args)]
 pub(crate) struct Man {
-    /// Folder of the pages: fleetfoot.1, fleetfoot-fit-pwa.1, ...
+    /// Folder of the pages, such as fleetfoot-fit-pwa.1.
     #[arg(short, long, value_name = "DIR", default_value = "man")]
     pub(crate) output: PathBuf,
 }

@@ -6,7 +6,7 @@ settings! {
     auto, |_, _| {};
     /// Settings of the search for models. Every entry is the flag of `auto` of the same name.
     pub struct AutoSection {
-        /// Search effort, by the number of kinds of models: low, normal (also medium) or high (default: normal).
+        /// Search effort, a count of work, never of seconds (default: normal).
         #[arg(long, value_enum, value_name = "EFFORT")]
         pub effort: Effort,
         /// Steps of the simulations that compare models (default: the correlation time of the states, in rows).

@@ -14,7 +14,7 @@ pub enum ControlSchedule {
     Auto,
     /// One law per region.
     Region,
-    /// One law, of the mean of all regions weighted by their rows: for regions that a cycle passes through.
+    /// One law, of the mean of all regions weighted by their rows.
     Mean,
 }
 
@@ -22,9 +22,8 @@ settings! {
     control, |_, _| {};
     /// Settings of a regulator. Every entry is the flag of `control lqr` of the same name.
     pub struct ControlSection {
-        /// Set point: values of states and inputs, `x=0,y=0`; of a rotation all parts, or `roll(attitude)`,
-        /// `pitch(attitude)` and `yaw(attitude)`. The other values follow from rest (default: none, the rest nearest to
-        /// the training means).
+        /// Set point: values of states and inputs, `x=0,y=0`, also `roll(attitude)`, `pitch(attitude)`, `yaw(attitude)`
+        /// of a rotation; the others follow from rest (default: none, the rest nearest to the training means).
         #[arg(long, value_name = "NAME=VALUE,...", allow_hyphen_values = true)]
         pub setpoint: String,
         /// Weights of states, `x=100,yaw=1` (default: one over the variance in training).
@@ -39,8 +38,8 @@ settings! {
         /// Lowest and highest values of inputs, `u_v=0:1,u_w=-1.5:1.5` (default: none).
         #[arg(long, value_name = "INPUT=LOW:HIGH,...", allow_hyphen_values = true)]
         pub limits: String,
-        /// Inputs that the regulator drives, separated by commas; other inputs are measured and compensated at once
-        /// (default: all inputs).
+        /// Inputs that the regulator drives, separated by commas; others are measured and compensated (default: all
+        /// inputs).
         #[arg(long, value_name = "INPUTS")]
         pub drive: String,
         /// States that are neither regulated nor fed back, separated by commas; rotations as a whole (default: none).

@@ -7,19 +7,19 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {
-    /// The sparsest model whose cross-validated error is within one standard error of the least.
+    /// Sparsest model within one standard error of the least cross-validated error.
     #[default]
     #[serde(rename = "one-se")]
     #[value(name = "one-se")]
     OneStandardError,
-    /// The least cross-validated error.
+    /// Least cross-validated error.
     #[serde(rename = "cv")]
     #[value(name = "cv")]
     CrossValidation,
     /// Akaike's information criterion.
     Aic,
-    /// The Bayesian information criterion, with the effective number of rows.
+    /// Bayesian information criterion of the effective rows.
     Bic,
-    /// The extended Bayesian information criterion (Chen and Chen 2008).
+    /// Extended Bayesian criterion (Chen and Chen 2008).
     Ebic,
 }

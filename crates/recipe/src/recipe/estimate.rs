@@ -22,19 +22,16 @@ settings! {
     estimate, |_, _| {};
     /// Settings of the estimate of parameters. Every entry is the flag of `fit parameters` of the same name.
     pub struct EstimateSection {
-        /// Method: simulations from estimated initial states, the same corrected by measurements, or derivatives row by
-        /// row (default: output-error).
+        /// Method of the estimate (default: output-error).
         #[arg(long, value_enum, value_name = "METHOD")]
         pub method: EstimateMethod,
         /// Largest number of rows of a segment; each has its own initial state (default: whole episodes).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000_000))]
         pub segment: usize,
-        /// States compared with their measurements, separated by commas; the columns of other states only start the
-        /// search for an initial state (default: all).
+        /// States compared with their measurements, separated by commas (default: all).
         #[arg(long, value_name = "STATES")]
         pub compare: String,
-        /// Number of folds whose rows are held out in turn and simulated, for the held-out error; 0 for none (default:
-        /// 5).
+        /// Folds whose rows are held out in turn and simulated; 0 for none (default: 5).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub folds: usize,
         /// Evaluations of a global search for the start, between the bounds of the parameters; each is one simulation

@@ -48,12 +48,11 @@ settings! {
         /// training).
         #[arg(long, value_name = "STATE=MEAN:DEVIATION,...", allow_hyphen_values = true)]
         pub initial: String,
-        /// Factor on the process noise, which is the residual covariance of the regions, or auto: from the innovations,
-        /// where the deviations of all sensors are known (default: 1).
+        /// Factor on the process noise (the residual covariance of the regions), or auto: by the innovations, if the
+        /// deviations of all sensors are known (default: 1).
         #[arg(long, value_name = "FACTOR")]
         pub process: Tunable,
-        /// Correlation of the process noise from row to row, as in the model's residuals (default: auto, coloured where
-        /// they are correlated).
+        /// Correlation of the process noise from row to row (default: auto).
         #[arg(long, value_enum, value_name = "COLOUR")]
         pub noise: FilterNoise,
         /// Rule by which one region follows another (default: state).

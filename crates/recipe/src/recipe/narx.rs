@@ -13,7 +13,7 @@ use super::{Recipe, alias::also, bounds::whole, criterion::Criterion, objective:
 pub enum Effort {
     /// Few lags, small libraries.
     Low,
-    /// Enough for the model of most machines within a minute.
+    /// Enough for most machines, within a minute.
     #[default]
     #[serde(alias = "medium")]
     #[value(alias = "medium")]
@@ -92,11 +92,10 @@ settings! {
         /// Direct feedthrough: u(k) is a candidate beside its past (default: searched, unless --lags-in is given).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub direct: bool,
-        /// Use of given lags and degree: exactly these (fixed), or the best up to them (auto) (default: the search
-        /// covers those that are not given).
+        /// Use of given lags and degree (default: the search covers those that are not given).
         #[arg(long, value_enum, value_name = "RULE")]
         pub order: GivenAs,
-        /// Search effort: low, normal or high, a count of work, never of seconds (default: normal).
+        /// Search effort, a count of work, never of seconds (default: normal).
         #[arg(long, value_enum, value_name = "EFFORT")]
         pub effort: Effort,
         /// Terms of every equation, by forward regression: a number, auto, or all candidates (default: auto).
@@ -105,13 +104,11 @@ settings! {
         /// Largest number of terms that auto tries (default: 20).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=10_000))]
         pub max_terms: usize,
-        /// Rule that chooses order, terms and partition: free runs, or a criterion of one-step errors (default:
-        /// free-run).
+        /// Rule that chooses order, terms and partition (default: free-run).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: NarxSelection,
         /// Objective of the coefficients: one-step; steps:N, simulations of N steps; or free-run, as long as held-out
-        /// rows allow. A model fitted to simulations is written only if its held-out rollouts are better (default:
-        /// one-step).
+        /// rows allow (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
         /// Number of spans of the training rows that are held out in turn (default: 5).
@@ -123,10 +120,10 @@ settings! {
         /// Share of the rows at the end of every episode that does not train and is simulated (default: 0).
         #[arg(long, value_name = "SHARE")]
         pub test_share: f64,
-        /// Seed of k-means (default: 0).
+        /// Seed of all random numbers (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
-        /// Number of clusterings of every k-means, from this seed and the next ones; free runs choose one (default: 1).
+        /// Number of clusterings of every k-means; free runs choose one (default: 1).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub starts: usize,
     }

@@ -77,13 +77,13 @@ settings! {
         /// Activation function of the hidden units (default: tanh).
         #[arg(long, value_enum, value_name = "FUNCTION")]
         pub activation: ActivationWord,
-        /// Sizes that are tried, and the passes over rows that training takes: a count of work, never of seconds (default: normal).
+        /// Search effort, a count of work, never of seconds (default: normal).
         #[arg(long, value_enum, value_name = "EFFORT")]
         pub effort: Effort,
-        /// Folds of cross-validation: whole episodes when there are as many (and five), else spans of every episode (default: 5).
+        /// Folds of the cross-validation: whole episodes if there are enough, else spans (default: 5).
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=100))]
         pub folds: u16,
-        /// Seed of the first weights and of the order of rows (default: 0).
+        /// Seed of all random numbers (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
         /// Memory for the rows that train; of more rows an even share is taken (default: 512).

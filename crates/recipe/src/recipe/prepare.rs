@@ -12,17 +12,17 @@ use super::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PrepareMethod {
-    /// Cubic or quintic smoothing spline, by the likelihood of the data: value and rate, with standard deviations.
+    /// Cubic or quintic smoothing spline, by likelihood.
     Auto,
-    /// Cubic smoothing spline: value and rate, with standard deviations.
+    /// Cubic smoothing spline: value, rate and their deviations.
     Cubic,
-    /// Quintic smoothing spline: value, rate and acceleration, with standard deviations.
+    /// Quintic smoothing spline: also acceleration.
     Quintic,
-    /// Few polynomials whose joints the data choose: value, rate and, from degree 2 on, acceleration.
+    /// Few polynomials, joined where the data choose.
     TrendFilter,
-    /// Cubic spline through every measurement: value, rate and acceleration.
+    /// Cubic spline through every value.
     NotAKnot,
-    /// Curve through every measurement that rises and falls only where they do: value and rate.
+    /// Shape-preserving curve through every value.
     Pchip,
     /// Polynomials through windows of rows.
     SavitzkyGolay,
@@ -52,29 +52,26 @@ settings! {
     prepare, |_, _| {};
     /// Settings of the preparation of channels. Every entry is the flag of `prepare` of the same name.
     pub struct PrepareSection {
-        /// Smoothing method of the states; `[channels.NAME]` sets it for inputs, which are unsmoothed otherwise
-        /// (default: auto; quintic with --second-order).
+        /// Smoothing method of the states; `[channels.NAME]` sets it for inputs (default: auto; quintic with
+        /// --second-order).
         #[arg(long, value_enum, value_name = "METHOD")]
         pub method: PrepareMethod,
-        /// Rates of the states as further states, and accelerations as targets: for positions without measured rates
-        /// (default: false).
+        /// Rates as further states and accelerations as targets, for positions without measured rates (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub second_order: bool,
         /// Penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of trend-filter, in units of the state times
-        /// s^degree; or the rule that chooses it: likelihood or gcv. A number without a method selects the cubic spline
-        /// (default: likelihood).
+        /// s^degree; or its rule, likelihood or gcv (default: likelihood).
         #[arg(long, value_name = "VALUE|RULE", allow_negative_numbers = true)]
         pub lambda: Tunable,
-        /// Standard deviations from the curve beyond which a value is an outlier, repeated until no outlier is left; 0
-        /// for none (default: 4 for smoothing splines, 0 for the others).
+        /// Standard deviations from the curve beyond which values are outliers; 0 for none (default: 4 for smoothing
+        /// splines, 0 for the others).
         #[arg(long, value_name = "SIGMAS", allow_negative_numbers = true)]
         pub reject: f64,
-        /// Rows on either side for the median: values beyond six robust standard deviations from it are removed before
-        /// smoothing; 0 for none (default: 0).
+        /// Rows on either side for the median; values beyond six robust standard deviations from it are removed before
+        /// smoothing (default: 0, none).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=10_000))]
         pub hampel: usize,
-        /// Longest run of equal values in rows; a longer one is a stuck sensor and is left out; 0 for never (default:
-        /// 0).
+        /// Longest run of equal values in rows; a longer one is left out as stuck (default: 0, never).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000))]
         pub stuck: usize,
         /// Measuring range of a sensor: values at or beyond these ends are left out (default: any value).
@@ -98,21 +95,20 @@ settings! {
         /// Delay of a sensor's stamps in seconds (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub delay: f64,
-        /// Averaging time of a sensor before its stamp, in seconds: the mean is late by half of it (default: 0).
+        /// Averaging time of a sensor before its stamp, in seconds (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub average: f64,
         /// Seconds cut off at both ends of every episode, before any other step (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub clip: f64,
-        /// Stamps by regression on the sample count, for an even sensor and a computer that stamps late (default:
-        /// false).
+        /// Stamps by regression on the sample count, for an even sensor with late stamps (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub dejitter: bool,
         /// Interval of the written rows. Channels of savitzky-golay and butterworth, and of topics faster than the
         /// rows, pass an anti-alias filter first (default: 1).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub decimate: usize,
-        /// Least number of rows of a piece; shorter pieces are not written (default: 50).
+        /// Rows below which a piece is not written (default: 50).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000_000))]
         pub min_rows: usize,
     }

@@ -15,11 +15,11 @@ use super::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PartitionChoice {
-    /// The smallest model whose cross-validated error is within one standard error of the best.
+    /// Smallest model within one standard error of the least cross-validated error.
     Cv,
-    /// The lowest Bayesian information criterion, with the effective sample size.
+    /// Bayesian information criterion of the effective rows.
     Bic,
-    /// Least error of rollouts over the horizon on held-out spans.
+    /// Least error of rollouts on held-out spans.
     Rollout,
 }
 
@@ -37,11 +37,11 @@ pub enum UnseenLabels {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideRanges {
-    /// From the border of the range on by the slopes of the one-region model.
+    /// On from the border by the slopes of the one-region model.
     Average,
-    /// With the value at the border of the range.
+    /// Value at the border.
     Hold,
-    /// By the map of the region, however far.
+    /// By the map of the region.
     Extrapolate,
 }
 
@@ -56,12 +56,10 @@ settings! {
         #[arg(long, value_name = "STEPS", value_parser = whole::<u32>(0..=10_000_000))]
         pub horizon: u32,
         /// Objective of the coefficients: one-step; steps:N, simulations of N steps; or free-run, as long as held-out
-        /// rows allow. A model fitted to simulations is written only if its held-out rollouts are better (default:
-        /// one-step).
+        /// rows allow (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
-        /// Folds of the cross-validation: whole episodes when there are as many (and five), else spans of every
-        /// episode; 0 for none (default: 10).
+        /// Folds of the cross-validation: whole episodes if there are enough, else spans; 0 for none (default: 10).
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=100))]
         pub folds: u16,
         /// Seconds between held-out and training rows of one episode (default: a tenth of the held-out span).
@@ -71,32 +69,30 @@ settings! {
         /// (default: auto).
         #[arg(long, value_name = "ROWS", allow_negative_numbers = true)]
         pub shrinkage: Tunable,
-        /// Maps of neighbouring regions meet at their border, for kmeans, refined and tree on columns that are
-        /// regressors (default: false).
+        /// Maps of neighbouring regions meet at their border, for kmeans, refined and tree on regressors (default:
+        /// false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub continuous: bool,
-        /// Contraction bound of each region's map over one sampling period (spectral norm in the shared metric): stable
-        /// at 1; at 0.99 states shrink by a hundredth a row (default: free).
+        /// Contraction bound of each region's map over one sampling period, in a shared metric; stable at 1 (default:
+        /// free).
         #[arg(long, value_name = "BOUND", num_args = 0..=1, require_equals = true, default_missing_value = "1", allow_negative_numbers = true)]
         pub stable: f64,
-        /// Ports (`force:speed`, separated by commas), inputs with the states whose product is a power: maps give out
-        /// no more energy than they took in, and are stable. INPUT:STATE:SHORTAGE sets the allowed energy gain per sample,
-        /// else twice the discretisation error (default: free).
+        /// Ports (`force:speed`, separated by commas): stable maps that give out no more energy there than they took
+        /// in. SHORTAGE is the allowed energy gain per sample, else twice the discretisation error (default: free).
         #[arg(long, value_name = "INPUT:STATE[:SHORTAGE],...")]
         pub passive: PortList,
-        /// Phase for the counts of regions, along it and from stride to stride: a periodic column or expression, in 12
-        /// bins or as in COLUMN:24, or labels:COLUMN. Rows without it do not train; `show --transitions` prints the
-        /// counts (default: none).
+        /// Phase along which regions are counted: a periodic column or expression, in 12 bins or as in COLUMN:24, or
+        /// labels:COLUMN (default: none).
         #[arg(long, value_name = "COLUMN[:BINS]")]
         pub phase: PhaseColumn,
         /// Rule for labels that training did not see (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,
-        /// Prediction where a regressor leaves the training range of its region (bounded maps, and maps that
-        /// meet at borders, always extrapolate) (default: average).
+        /// Prediction where a regressor leaves the training range of its region; bounded or continuous maps extrapolate
+        /// (default: average).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub outside: OutsideRanges,
-        /// Seed of k-means++ (default: 0).
+        /// Seed of all random numbers (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
         /// Number of k-means runs, of which the best is kept (default: 1).

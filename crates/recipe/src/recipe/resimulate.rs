@@ -13,8 +13,8 @@ settings! {
         /// inputs of the recipe).
         #[arg(long, value_name = "INPUTS")]
         pub free: String,
-        /// Expected deviations of columns, in their units, which weigh the deviations: `V=0.5,alpha=0.01` (default: the
-        /// noise of the recordings relative to the model).
+        /// Expected deviations of columns, in their units: `V=0.5,alpha=0.01` (default: the noise of the recordings
+        /// relative to the model).
         #[arg(long, value_name = "COLUMN=VALUE,...")]
         pub deviations: String,
         /// Bounds of states and inputs: `N1=0.2..1,alpha=-0.1..0.3` (default: the recorded range, widened).

@@ -64,7 +64,7 @@ impl std::str::FromStr for Normalize {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SindyOptimizer {
-    /// Thresholds of stlsq and backward elimination together; the best support of both.
+    /// Best support of stlsq thresholds and backward elimination.
     #[default]
     Auto,
     /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
@@ -73,11 +73,11 @@ pub enum SindyOptimizer {
     Sr3,
     /// Stepwise sparse regression: one term less at a time.
     Ssr,
-    /// Forward regression, orthogonal least squares by error reduction ratio.
+    /// Forward orthogonal least squares by error reduction ratio.
     Frols,
     /// Lasso path.
     Lasso,
-    /// Path of the group lasso, or of the sparse-group lasso.
+    /// Path of the group lasso or sparse-group lasso.
     GroupLasso,
     /// Least squares on all candidates.
     #[serde(rename = "ols")]
@@ -110,8 +110,7 @@ impl SindyOptimizer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SmoothStates {
-    /// On for at most 20,000 rows whose equations are fitted on windows because of noise, unless another option
-    /// excludes it.
+    /// On for at most 20,000 rows that are fitted on windows because of noise.
     #[default]
     Auto,
     /// Always.
@@ -134,16 +133,14 @@ settings! {
         /// auto).
         #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
         pub ridge: f64,
-        /// Thresholds and ridge in shares of the target's size instead of physical coefficients (default for a
-        /// threshold of auto), or length: coefficients of columns of length 1, which grow with the number of rows, as
-        /// pysindy's `normalize_columns`.
+        /// Thresholds and ridge in shares of the target's size (default for a threshold of auto), or length:
+        /// coefficients of columns of length 1, as pysindy's `normalize_columns`.
         #[arg(long, value_name = "BOOL|length", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
         pub normalize: Normalize,
         /// Largest number of regressions of stlsq (default: 20).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub max_iterations: usize,
-        /// Weight of a term in the stopping rule of frols by error reduction ratios, relative to the condition number
-        /// of the columns, as in pysindy (default: by --select).
+        /// Weight of a term in the stopping rule of frols, as in pysindy (default: by --select).
         #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
         pub kappa: f64,
         /// Number of terms of every equation, in place of a threshold (default: by the threshold).
@@ -153,22 +150,18 @@ settings! {
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: Criterion,
         /// Objective of the coefficients: one-step; steps:N, simulations of N steps; or free-run, as long as held-out
-        /// rows allow. A model fitted to simulations is written only if its held-out rollouts are better (default:
-        /// one-step).
+        /// rows allow (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
-        /// Weak form: fit on windows of rows, without differences of noisy rows: a number of rows, auto (a length by
-        /// the signals), or off (default: auto where more than a fifth of the variance of some state's differences is
-        /// noise, else off).
+        /// Weak form, without differences: windows of a number of rows, auto (a length by the signals), or off
+        /// (default: auto where more than a fifth of the variance of some state's differences is noise, else off).
         #[arg(long, value_name = "ROWS|auto|off")]
         pub weak: Tunable,
-        /// Smoothing of the states under the equations, in turn with the fit, for logs that fit into memory: on, off,
-        /// or auto, up to 20,000 rows with windows because of noise (default: auto).
+        /// Smoothing of the states under the equations, in turn with the fit (default: auto).
         #[arg(long, value_enum, value_name = "WHEN")]
         pub smooth_states: SmoothStates,
-        /// Folds: a number (whole episodes when there are as many, and five; else spans of every episode in turn, five
-        /// at least), episodes (each left out once), splits:30 (random splits with a third held out), or auto, ten
-        /// folds, five of few rows (default: auto).
+        /// Folds: a number (whole episodes if there are enough, else spans), episodes (each left out once), splits:30
+        /// (random splits with a third held out), or auto: ten, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]
         pub folds: String,
         /// Ensemble of fits to varied chunks, episodes or libraries, `chunks:100`, whose common terms are kept

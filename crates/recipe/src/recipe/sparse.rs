@@ -101,9 +101,8 @@ settings! {
         /// Rule that chooses lambda (default: one-se).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: Criterion,
-        /// Folds: a number (whole episodes when there are as many, and five; else spans of every episode in turn, five
-        /// at least), episodes (each left out once), splits:30 (random splits with a third held out), or auto, ten
-        /// folds, five of few rows (default: auto).
+        /// Folds: a number (whole episodes if there are enough, else spans), episodes (each left out once), splits:30
+        /// (random splits with a third held out), or auto: ten, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]
         pub folds: String,
         /// Share of the absolute values in the penalty: beside squares in an elastic net (default: 1, the lasso), beside norms with groups (default: 0, the group
@@ -113,8 +112,8 @@ settings! {
         /// Adaptive lasso: penalty factors from a first least-squares fit (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub adaptive: bool,
-        /// Bolasso, which keeps the columns that the replicates select: resample rows (as in the paper; needs the
-        /// logs), chunks or episodes, 128 times or as given, `episodes:1000` (default: no bolasso).
+        /// Bolasso: replicates of rows (needs the logs), chunks or episodes, 128 of them or as in `episodes:1000`
+        /// (default: no bolasso).
         #[arg(long, value_name = "UNIT[:B]", conflicts_with = "stability")]
         pub bolasso: String,
         /// Share of the replicates that must select a column (default: 1, of a stability selection 0.9).
@@ -123,7 +122,7 @@ settings! {
         /// Stability selection by complementary halves, with its bound on false selections (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub stability: bool,
-        /// Strength lambda_t of all priors; in a recipe, of priors without their own (default: 1).
+        /// Strength lambda_t of all priors (default: 1).
         #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true)]
         pub prior_strength: f64,
         /// Penalty on coefficients in raw units instead of those of their columns (default: false).
