@@ -349,7 +349,7 @@ pub(crate) enum StampArg {
 /// Data and recipe of a fit.
 #[derive(Debug, Args)]
 pub(crate) struct FitData {
-    /// Files, globs or folders; or one `.stats` file, which needs no pass over logs.
+    /// Files, globs or folders; or one `.stats` file.
     #[arg(required = true, value_name = "DATA|STATS")]
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
@@ -452,7 +452,7 @@ pub(crate) struct Show {
     /// partitions, lattices, trees and --phase.
     #[arg(long)]
     pub(crate) transitions: bool,
-    /// Comparison of all pairs of regions, instead of neighbours only, where the model holds them.
+    /// Comparison of all pairs of regions, not only of neighbours.
     #[arg(long, requires = "transitions")]
     pub(crate) all_pairs: bool,
 }

@@ -90,7 +90,6 @@ Examples:
 
 pub(crate) const FIT_SINDY: &str = "\
 Examples:
-  fleetfoot fit sindy log.csv --states x,y,z --degree 3
   fleetfoot fit sindy log.csv --states x,y,z --library 'poly(3),sin' --threshold 0.5
   fleetfoot fit sindy run.stats --partition kmeans:5
   fleetfoot fit sindy -c motor.toml runs/ --front --keep-all";
@@ -161,7 +160,6 @@ Examples:
 pub(crate) const GENERATE: &str = "\
 Examples:
   fleetfoot generate hexapod --minutes 20 --speed 0.1:0.5 --runs 16 -o runs/
-  fleetfoot generate diffdrive --seconds 300 --excitation multisine -o wheels/
   fleetfoot generate quadrotor --set 'wind.mean=[5, 0, 0]' --dry-run -o flights/
   fleetfoot generate hexapod --print-world";
 

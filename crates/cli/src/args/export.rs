@@ -24,10 +24,10 @@ pub(crate) struct Export {
     /// Integration of derivatives.
     #[arg(long, value_enum, default_value_t = ExportMethod::Rk4)]
     pub(crate) method: ExportMethod,
-    /// Code without the check of the training range: two numbers per function and region less.
+    /// Code without the check of the training range.
     #[arg(long)]
     pub(crate) no_domain: bool,
-    /// Code of the model's filter instead of the model, by the `[filter]` of its recipe or of `--recipe`.
+    /// Code of the model's filter instead of the model.
     #[arg(long)]
     pub(crate) filter: bool,
     /// Recipe whose `[filter]` overrides the model's (default: none).

@@ -8,7 +8,7 @@ use super::TimeArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct Frequency {
-    /// Files, globs or folders of logs; with a model (`*.json`) among them also the response of its simulations.
+    /// Files, globs or folders of logs; a model (`*.json`) adds the response of its simulations.
     #[arg(required = true, value_name = "MODEL|DATA")]
     pub(crate) files: Vec<PathBuf>,
     /// Recipe whose columns are used, without a model (default: the columns of the logs).

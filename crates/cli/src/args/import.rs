@@ -12,8 +12,7 @@ pub(crate) struct Import {
     /// Logs that trained it: files, globs or folders, for training ranges and residuals (default: both are unknown).
     #[arg(value_name = "DATA")]
     pub(crate) data: Vec<PathBuf>,
-    /// Recipe whose states and inputs, with their lags, are the columns that the network reads, in its order; its
-    /// targets are the columns that it predicts.
+    /// Recipe: its states and inputs, with their lags, are the network's inputs in order, its targets the outputs.
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
     pub(crate) recipe: PathBuf,
     /// Time between rows (default: that of the logs, else `dt` or `rate` in the recipe's `[time]`).

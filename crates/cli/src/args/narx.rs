@@ -16,8 +16,8 @@ pub(crate) struct FitNarx {
     /// Outputs, separated by commas (default: the recipe's states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) outputs: Option<List>,
-    /// Functions of outputs and inputs of one row, separated by commas (`y, u, y^2, sqrt(max(y,0))`), whose lags are
-    /// the candidates (default: products of lags).
+    /// Functions of one row, separated by commas (`y, u, y^2, sqrt(max(y,0))`), whose lags are the candidates (default:
+    /// products of lags).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Partitions, of which --select chooses one: average, zscore:1.5, `kmeans:2,5,10`, refined:5, lattice:5, tree:3,

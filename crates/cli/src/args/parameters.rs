@@ -11,8 +11,8 @@ pub(crate) struct FitParameters {
     pub(crate) data: FitData,
     #[command(flatten)]
     pub(crate) estimate: EstimateSection,
-    /// Unknown number inside the equations, with the start of its search: `mass=90`, with bounds `mass=90 in 50..150`;
-    /// may be repeated.
+    /// Unknown number inside the equations, with the start of its search: `mass=90`, or `mass=90 in 50..150`; may be
+    /// repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) parameter: Vec<String>,
     #[command(flatten)]

@@ -8,8 +8,7 @@ use super::{ControllerArgs, List, PathArgs, TimeArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct Report {
-    /// Models (`*.json`), and files, globs or folders of logs to compare them with; without logs the page shows the
-    /// models alone.
+    /// Models (`*.json`), and files, globs or folders of logs to compare them with.
     #[arg(required = true, value_name = "MODEL|DATA")]
     pub(crate) files: Vec<PathBuf>,
     #[command(flatten)]

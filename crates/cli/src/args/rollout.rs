@@ -51,8 +51,8 @@ pub(crate) struct ControllerArgs {
     /// `kind = "treadmill"` (default: inputs as recorded).
     #[arg(long, value_name = "KIND|FILE")]
     pub(crate) controller: Option<String>,
-    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and
-    /// column names: x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
+    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds,
+    /// columns: x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` also a number, m/s); may be repeated.
     #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
     pub(crate) controller_set: Vec<List>,
 }

@@ -43,8 +43,8 @@ pub(crate) struct EquationArgs {
     /// Terms that a state's equation always has, separated by commas; may be repeated.
     #[arg(long, value_name = "STATE=ITEMS")]
     pub(crate) fixed: Vec<String>,
-    /// Unknown number inside expressions, with the start of its search: `tau=0.05`, with bounds
-    /// `tau=0.05 in 0.01..0.3`; may be repeated.
+    /// Unknown number inside expressions, with the start of its search: `tau=0.05`, or `tau=0.05 in 0.01..0.3`; may be
+    /// repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) parameter: Vec<String>,
 }

@@ -9,12 +9,12 @@ use super::{bounds::whole, settings::settings};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum EstimateMethod {
-    /// Derivatives of the states, row by row; noise in the states biases the parameters.
+    /// Derivatives row by row; noise in the states biases the parameters.
     EquationError,
-    /// Simulations from estimated initial states: maximum likelihood with noise in the measurements.
+    /// Simulations from estimated initial states; noise in the measurements.
     #[default]
     OutputError,
-    /// Simulations corrected by measurements with estimated gains: noise in measurements and dynamics.
+    /// Simulations corrected by measurements; noise in measurements and dynamics.
     FilterError,
 }
 

@@ -178,7 +178,7 @@ settings! {
         #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
         pub l1_ratio: f64,
         /// Groups of functions that enter together, for the group lasso: signal (a signal with its powers and lags), or
-        /// the functions of named signals, `legs=q1,q2,arms=q3,q4` (default of group-lasso: signal).
+        /// named signals, `legs=q1,q2,arms=q3,q4` (default of group-lasso: signal).
         #[arg(long, value_name = "RULE|NAME=SIGNALS")]
         pub groups: GroupWords,
     }

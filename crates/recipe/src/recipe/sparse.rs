@@ -132,8 +132,7 @@ settings! {
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
         /// Groups of functions that enter together (group lasso): signal (a signal with its powers and lags), term (a
-        /// function in all equations), or the functions of named signals, `legs=q1,q2,arms=q3,q4` (default: every
-        /// function alone).
+        /// function in all equations), or named signals, `legs=q1,q2,arms=q3,q4` (default: every function alone).
         #[arg(long, value_name = "RULE|NAME=SIGNALS")]
         pub groups: GroupWords,
     }
