@@ -15,8 +15,7 @@ use crate::{args::Cli, help};
 const HEAD: &str = "\
 # Commands
 
-This page lists all commands and options; `fleetfoot COMMAND --help` prints the same text. `fleetfoot completions SHELL`
-prints completions for bash, zsh, fish, elvish and PowerShell, and `fleetfoot man` writes manual pages.
+This page lists all commands and options; `fleetfoot COMMAND --help` prints the same text.
 
 [Conventions](conventions.md) describe data, outputs and exit codes; the [glossary](glossary.md) explains the terms.
 ";

@@ -25,8 +25,7 @@ Examples:
 pub(crate) const AUTO: &str = "\
 Examples:
   fleetfoot auto run.mcap
-  fleetfoot auto runs/ --states x,v --inputs u -o model/ --export c
-  fleetfoot auto -c model/recipe.toml run.csv -o again/       the same model again";
+  fleetfoot auto runs/ --states x,v --inputs u -o model/ --export c";
 
 pub(crate) const CHECK: &str = "\
 Examples:
@@ -72,20 +71,17 @@ Examples:
 
 pub(crate) const FIT_NETWORK: &str = "\
 Examples:
-  fleetfoot fit network log.csv --states x,v --inputs u --predict next --lags 3
-  fleetfoot fit network log.csv --states x,v --inputs u --hidden 32,32 --activation relu --effort high";
+  fleetfoot fit network log.csv --states x,v --inputs u --predict next --lags 3";
 
 pub(crate) const FIT_PWA: &str = "\
 Examples:
   fleetfoot fit pwa -c robot.toml runs/ --partition null,average,kmeans:2,5,10
-  fleetfoot fit pwa run.stats --partition average,kmeans:2,5,10
   fleetfoot fit pwa log.csv --states x,v --inputs u --partition labels:terrain
   fleetfoot fit pwa log.csv --states y --inputs u --predict next --lags 3 --partition kmeans:5 --partition-on 'y,lag(y,1),u'";
 
 pub(crate) const FIT_SPARSE: &str = "\
 Examples:
   fleetfoot fit sparse -c aircraft.toml climbs/ --bolasso episodes:200 --threshold 0.9
-  fleetfoot fit sparse -c aircraft.toml run.stats --groups signal
   fleetfoot fit sparse -c aircraft.toml fleet.stats --by aircraft --frequencies frequencies.parquet";
 
 pub(crate) const FIT_SINDY: &str = "\
@@ -112,8 +108,7 @@ Examples:
 
 pub(crate) const CONTROL_LQR: &str = "\
 Examples:
-  fleetfoot control lqr model.json --setpoint x=0,y=0 --limits u_v=0:1 --integral x=10 -o controller.json
-  fleetfoot control lqr model.json --setpoint yaw=0,v=0.5 --free x --r v_command=4";
+  fleetfoot control lqr model.json --setpoint x=0,y=0 --limits u_v=0:1 --integral x=10 -o controller.json";
 
 pub(crate) const FILTER: &str = "\
 Examples:
