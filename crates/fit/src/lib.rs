@@ -16,6 +16,7 @@ mod concentration;
 mod constant;
 mod error;
 mod folds;
+mod held_inputs;
 mod imported;
 mod incomplete;
 mod interval;

@@ -15,6 +15,7 @@ use crate::{
     concentration,
     error::Error,
     folds::smoothed_rows,
+    held_inputs,
     incomplete::incomplete_rows,
     last_rows,
     method::{Data, FitRequest, Fitted, Method, Opened},
@@ -158,6 +159,9 @@ fn of_logs<M: Method>(
         summary_notes.extend(incomplete_rows(incomplete, dataset, method.expressions(task))?);
         summary_notes.extend(concentration::notes(&facts.concentrated, named));
         summary_notes.extend(objective::note(method.objective(), refinement.as_ref()));
+        if refinement.is_none() {
+            summary_notes.extend(held_inputs::note(M::model(&solution), rows)?);
+        }
         // The model of simulations is another one, and `auto` has a test of its own.
         let one_step = refinement.as_ref().is_none_or(|refinement| !refinement.written);
         let by_time = match one_step && simulations.is_none() {
