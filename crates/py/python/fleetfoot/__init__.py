@@ -27,7 +27,8 @@ from ._stlsq import STLSQ
 # -- identification
 from ._block_sparse import BlockSparse
 from ._controller import Controller
-from ._model import Model, import_model, load
+from ._model import Model
+from ._model_files import import_model, load
 from ._narx import NARX
 from ._network import Network
 from ._parameters import Parameters
