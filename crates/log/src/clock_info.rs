@@ -48,6 +48,7 @@ impl ClockInfo {
             Err(Error::UnknownTimeUnit { readings, .. }) => {
                 (None, Some(format!("its numbers could be {readings}")), true)
             }
+            Err(Error::EmptyClock { .. }) => (None, Some("it has no values in the first rows".into()), true),
             Err(error) => (None, Some(error.to_string()), true),
         };
         let guess = open || assumed.is_some();

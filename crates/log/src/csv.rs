@@ -145,9 +145,6 @@ fn find_clock(path: &Path, head: &Head, names: &ByName<'_>, spec: &TimeSpec) -> 
     match choose(head, spec) {
         Some(clock) => Ok(Some(clock)),
         None if matches!(spec, TimeSpec::Dispensable { .. }) => Ok(None),
-        None => {
-            let names: Vec<&str> = head.columns.iter().map(|column| column.name.as_str()).collect();
-            Err(time_column::no_clock(path, &names))
-        }
+        None => Err(time_column::no_clock(path, &head.candidates(), &|column| head.values(column))),
     }
 }

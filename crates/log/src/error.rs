@@ -147,12 +147,28 @@ pub enum Error {
         limit: usize,
     },
     /// No column can be the clock.
-    #[error("{}: no time column found among {columns}; name it (time column), or give the sampling period ({DT})", path.display())]
+    #[error("{}: no time column found among {columns}{problem}. Name the clock ({TIME}; {TIME_SECTION} column in a recipe), or give the sampling period ({DT})", path.display())]
     NoTimeColumn {
         /// The file.
         path: PathBuf,
         /// The columns there are, shortened.
         columns: String,
+        /// Reason against the column that is named as a clock is, behind `; `; empty without one.
+        problem: String,
+    },
+    /// A clock without a value in the first rows, which would tell its unit.
+    #[error(
+        "{}: `{column}` has no values in the first rows: name another time column ({TIME}), give the sampling period ({DT}), or name the unit of its later stamps ({})",
+        path.display(),
+        setting::clock(column, unit)
+    )]
+    EmptyClock {
+        /// The file.
+        path: PathBuf,
+        /// The time column.
+        column: String,
+        /// One of the units.
+        unit: &'static str,
     },
     /// Stamps whose numbers fit several units of time, or none.
     #[error(

@@ -158,17 +158,13 @@ fn find_clock(
     match clock(table, spec) {
         Some(clock) => Ok(Some(clock)),
         None if matches!(spec, TimeSpec::Dispensable { .. }) => Ok(None),
-        None => {
-            let names: Vec<&str> = table.columns().iter().map(|column| column.name.as_str()).collect();
-            Err(time_column::no_clock(path, &names))
-        }
+        None => Err(time_column::no_clock(path, &candidates(table), &|column| sample(table, column))),
     }
 }
 
 /// The clock of a table, as far as its first rows tell; `None` where it has none.
 pub(crate) fn clock(table: &dyn MemoryTable, spec: &TimeSpec) -> Option<Clock> {
-    let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
-    let clock = time_column::choose(&candidates, &|column| sample(table, column), spec)?;
+    let clock = time_column::choose(&candidates(table), &|column| sample(table, column), spec)?;
     let unit = match (table.time_unit(clock.column), clock.unit) {
         (Some(unit), _) => ClockUnit::Given(unit),
         (None, ClockUnit::Guessed(readings)) if clock.kind == CandidateKind::Float && may_be_seconds(&readings) => {
@@ -188,6 +184,10 @@ fn may_be_seconds(readings: &[Reading]) -> bool {
 
 fn of_column(table: &dyn MemoryTable, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {
     table.values(&[column], rows).pop().unwrap_or_else(|| Vec::new().into())
+}
+
+fn candidates(table: &dyn MemoryTable) -> Vec<Candidate> {
+    (0..table.columns().len()).map(|column| candidate(table, column)).collect()
 }
 
 fn candidate(table: &dyn MemoryTable, column: usize) -> Candidate {

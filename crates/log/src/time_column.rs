@@ -7,6 +7,8 @@ mod units;
 
 use std::{collections::BTreeMap, path::Path};
 
+use fleetfoot_data::setting;
+
 use crate::{Error, MaxGap, Selection, TimeUnit, dates::DateOrder, error::list, selection::TimeSpec};
 pub(crate) use names::split_unit;
 pub use units::Reading;
@@ -236,13 +238,21 @@ fn in_gps_weeks(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
 const GPS_TIME: &str =
     "its stamps are weeks of GPS and the time of the week: GPS time, which is 18 s ahead of UTC since 2017";
 
+/// End of notes on a unit that the numbers decide.
+const IF_WRONG: &str = "name the unit if that is wrong";
+
 /// The name that pandas gives in a file to an index without a name.
 const INDEX: &str = "__index_level_0__";
 
 /// The column with the most telling name among those that rise.
 fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
+    let mut ranked = ranked(candidates).into_iter().filter(|&c| candidates[c].kind != CandidateKind::Other);
+    ranked.find(|&c| mostly_rises(&sampler(c)))
+}
+
+/// The columns that are named as a clock is, the most telling name first.
+fn ranked(candidates: &[Candidate]) -> Vec<usize> {
     let rank = |candidate: &Candidate| match candidate.kind {
-        CandidateKind::Other => None,
         CandidateKind::Time if candidate.name == INDEX => Some(usize::MAX),
         // A date needs no unit: what stands in brackets is a time zone, or its form.
         CandidateKind::Time => names::named(split_unit(&candidate.name).0, None)
@@ -253,7 +263,7 @@ fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     let ranked = candidates.iter().enumerate();
     let mut ranked: Vec<(usize, usize)> = ranked.filter_map(|(c, candidate)| Some((rank(candidate)?, c))).collect();
     ranked.sort_unstable();
-    ranked.into_iter().map(|(_, c)| c).find(|&c| mostly_rises(&sampler(c)))
+    ranked.into_iter().map(|(_, c)| c).collect()
 }
 
 /// Returns true if a sample can be that of a clock. At least half of its steps then rise, and at most a fifth falls
@@ -362,11 +372,13 @@ impl Clock {
         let by_order = matches!(selection.time, TimeSpec::Dispensable { .. }) && selection.max_gap == MaxGap::Auto;
         let (unit, reason) = match (&self.unit, reading) {
             (ClockUnit::Given(unit), _) => (*unit, None),
-            (_, Some(reading)) if agreed.is_some() => (reading.unit, Some("the only unit that fits all files")),
+            (_, Some(reading)) if agreed.is_some() => {
+                (reading.unit, Some(format!("the only unit that fits all files; {IF_WRONG}")))
+            }
             (ClockUnit::Seconds(_), Some(_)) => (TimeUnit::Seconds, None),
-            (_, Some(reading)) if readings.len() == 1 => (reading.unit, Some("no other unit fits")),
+            (_, Some(reading)) if readings.len() == 1 => (reading.unit, Some(only_reading(name, reading))),
             (_, Some(reading)) if by_order => {
-                (reading.unit, Some("other units fit too, but only the order of rows counts"))
+                (reading.unit, Some(format!("other units fit too, but only the order of rows counts; {IF_WRONG}")))
             }
             _ => return Err(unknown_unit(path, name, readings)),
         };
@@ -377,12 +389,9 @@ impl Clock {
             ClockUnit::Seconds(readings) => units::symbols(readings, TimeUnit::Seconds),
             _ => self.doubt().into_iter().map(TimeUnit::symbol).collect(),
         };
-        // Notes without numbers: those of many files become one.
+        // Notes with rounded numbers, or none: those of many files become one.
         let guess = match reason.filter(|_| !is_usual) {
-            Some(reason) => Some(format!(
-                "the numbers of `{name}` are taken as {}: {reason}; name the unit if that is wrong",
-                unit.symbol()
-            )),
+            Some(reason) => Some(format!("the numbers of `{name}` are taken as {}: {reason}", unit.symbol())),
             None if others.is_empty() => None,
             None => Some(format!(
                 "the numbers of `{name}` are taken as s; they could be {}: name the unit if they are",
@@ -401,14 +410,44 @@ impl Clock {
     }
 }
 
-/// A column's names for the message that no clock is among them.
-pub(crate) fn no_clock(path: &Path, names: &[&str]) -> Error {
-    Error::NoTimeColumn { path: path.into(), columns: list(names) }
+/// The reason for the only unit that fits, with the slower reading that its rate alone excludes.
+fn only_reading(name: &str, reading: &Reading) -> String {
+    match units::slower(reading) {
+        None => format!("no other unit fits; {IF_WRONG}"),
+        Some((rate, unit)) => format!(
+            "{} rows a second; in {unit} it would be one row in {} s: name the unit then ({})",
+            units::rounded(rate, 2),
+            units::rounded(1.0 / (rate * 1e-3), 2),
+            setting::clock(name, unit)
+        ),
+    }
+}
+
+/// The refusal of a table without a clock, with the reason against the column whose name is most like a clock's.
+pub(crate) fn no_clock(path: &Path, candidates: &[Candidate], sampler: Sampler<'_>) -> Error {
+    let names: Vec<&str> = candidates.iter().map(|candidate| candidate.name.as_str()).collect();
+    let problem = ranked(candidates).first().map(|&column| {
+        let Candidate { name, kind, .. } = &candidates[column];
+        if *kind == CandidateKind::Other {
+            return format!("; `{name}` holds text: look for decimal commas, and words among numbers");
+        }
+        match counted(&sampler(column)) {
+            (0, 0, steps) => format!("; `{name}` has the same value in its first {} stamps", steps + 1),
+            (rising, falling, steps) if falling > rising => {
+                format!("; `{name}` falls in {falling} of its first {steps} steps, rises in {rising}")
+            }
+            (rising, _, steps) => format!("; `{name}` rises in only {rising} of its first {steps} steps"),
+        }
+    });
+    Error::NoTimeColumn { path: path.into(), columns: list(&names), problem: problem.unwrap_or_default() }
 }
 
 /// The refusal of stamps that fit these units.
 fn unknown_unit(path: &Path, column: &str, readings: &[Reading]) -> Error {
     let all: Vec<String> = readings.iter().map(ToString::to_string).collect();
     let unit = readings.last().map_or("ms", |reading| reading.unit.symbol());
+    if !readings.is_empty() && readings.iter().all(|reading| reading.start.is_nan()) {
+        return Error::EmptyClock { path: path.into(), column: column.into(), unit };
+    }
     Error::UnknownTimeUnit { path: path.into(), column: column.into(), readings: all.join(" or "), unit }
 }

@@ -8,7 +8,7 @@ use super::{
     leaf::{Leaf, Meaning, Rule},
 };
 use crate::{
-    TimeSpec, TimeUnit, dates, stamp,
+    Error, TimeSpec, TimeUnit, dates, stamp,
     table::MISSING,
     time_column::{self, Candidate, CandidateKind, Clock},
 };
@@ -18,6 +18,15 @@ const SAMPLE: usize = 1000;
 
 /// The clock among all leaves. Values are sampled only where the choice needs them.
 pub(super) fn find_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Option<Clock> {
+    time_column::choose(&candidates(file, all), &|column| sample(file, &all[column]), spec)
+}
+
+/// The refusal of a file without a clock.
+pub(super) fn no_clock(file: &ParquetFile, all: &[Leaf]) -> Error {
+    time_column::no_clock(&file.path, &candidates(file, all), &|column| sample(file, &all[column]))
+}
+
+fn candidates(file: &ParquetFile, all: &[Leaf]) -> Vec<Candidate> {
     let mut candidates: Vec<Candidate> = all.iter().map(bare_candidate).collect();
     for (candidate, leaf) in candidates.iter_mut().zip(all) {
         // Dates may be texts; a look at the first few tells.
@@ -25,7 +34,7 @@ pub(super) fn find_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> O
             candidate.kind = CandidateKind::Time;
         }
     }
-    time_column::choose(&candidates, &|column| sample(file, &all[column]), spec)
+    candidates
 }
 
 fn bare_candidate(leaf: &Leaf) -> Candidate {

@@ -18,7 +18,7 @@ use parquet::{
 use super::{
     buffers::Buffers,
     chunk::FileBytes,
-    clock::find_clock,
+    clock::{find_clock, no_clock},
     cursors::Cursors,
     file::{ParquetFile, check_chunks, damaged},
     footer,
@@ -31,7 +31,7 @@ use crate::{
     cycles::Cycle,
     opened::Opened,
     table::{MAX_CATEGORIES, TableColumn},
-    time_column::{self, Agreed, Clock},
+    time_column::{Agreed, Clock},
 };
 
 /// Rows decoded at a time when texts are collected.
@@ -150,10 +150,7 @@ fn open_clock(file: &ParquetFile, all: &[Leaf], names: &ByName<'_>, spec: &TimeS
         check_chunks(file, leaf)?;
     }
     match find_clock(file, all, spec) {
-        None if !matches!(spec, TimeSpec::Dispensable { .. }) => {
-            let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
-            Err(time_column::no_clock(&file.path, &names))
-        }
+        None if !matches!(spec, TimeSpec::Dispensable { .. }) => Err(no_clock(file, all)),
         clock => Ok(clock),
     }
 }

@@ -99,6 +99,29 @@ fn ambiguous_columns_are_no_clock() {
     assert_eq!(column(&[("Date", Time, &date), ("Time", Time, &of_day), ("t", Float, &RISING)]), Some(2));
 }
 
+#[test]
+fn refusals_tell_what_named_clocks_do() {
+    let refusal = |given: &[Given<'_>]| {
+        let candidates: Vec<Candidate> =
+            given.iter().map(|(name, kind, _)| Candidate { name: (*name).into(), unit: None, kind: *kind }).collect();
+        let sampler = |column: usize| given[column].2.to_vec();
+        assert_eq!(choose(&candidates, &sampler, &TimeSpec::Auto), None);
+        no_clock(Path::new("a.csv"), &candidates, &sampler).to_string()
+    };
+    let x = ("x", Float, &FALLING[..]);
+    let head = "a.csv: no time column found among `x`, `t`";
+    let end = ". Name the clock (--time; [time] column in a recipe), or give the sampling period (--dt)";
+    for (kind, sample, problem) in [
+        (Float, &[3.0, 2.0, 1.0][..], "falls in 2 of its first 2 steps, rises in 0"),
+        (Integer, &[5.0, 5.0, 5.0], "has the same value in its first 3 stamps"),
+        (Float, &[1.0, 1.0, 1.0, 2.0], "rises in only 1 of its first 3 steps"),
+        (Other, &[], "holds text: look for decimal commas, and words among numbers"),
+    ] {
+        assert_eq!(refusal(&[x, ("t", kind, sample)]), format!("{head}; `t` {problem}{end}"));
+    }
+    assert_eq!(refusal(&[x]), format!("a.csv: no time column found among `x`{end}"));
+}
+
 /// The units that a clock of these numbers leaves.
 fn left(kind: CandidateKind, sample: &[f64]) -> Vec<TimeUnit> {
     let clock = chosen(&[("t", kind, sample)], &TimeSpec::Auto).unwrap();
@@ -164,10 +187,17 @@ fn ambiguous_unit_error_shows_both_readings() {
     assert_eq!(clock.unit, TimeUnit::Milliseconds);
     assert!(clock.assumed.unwrap().contains("all files"));
     let clock = settle(&every(10.0), &auto, &Agreed::default()).unwrap();
-    // Without numbers, so that the notes of many files become one.
-    assert!(clock.assumed.unwrap().contains("taken as ms: no other unit fits"));
+    // Seconds are possible too, at a rate that is unusual.
+    let note = clock.assumed.unwrap();
+    assert!(note.contains("taken as ms: 100 rows a second; in s it would be one row in 10 s: name the unit"), "{note}");
+    assert!(note.contains("--time t --time-unit s"), "{note}");
+    let sizes = [vec![1.7e12, 1.7e12 + 10.0], every(1e7).iter().map(|stamp| stamp + 9.4e13).collect()];
+    for (sample, unit) in sizes.iter().zip(["ms", "ns"]) {
+        let note = settle(sample, &auto, &Agreed::default()).unwrap().assumed.unwrap();
+        assert!(note.contains(&format!("taken as {unit}: no other unit fits; name the unit")), "{note}");
+    }
     let empty = settle(&[f64::NAN; 3], &auto, &Agreed::default()).unwrap_err().to_string();
-    assert!(empty.contains("could be s or ms or us or ns: name the unit"), "{empty}");
+    assert!(empty.contains("`t` has no values in the first rows: name another time column (--time)"), "{empty}");
     // If only the order of the rows counts, the unit does not.
     let ordered = Selection { time: TimeSpec::Dispensable { ordered: true }, ..Selection::default() };
     assert!(settle(&every(1.0), &ordered, &Agreed::default()).unwrap().assumed.unwrap().contains("order"));

@@ -48,7 +48,12 @@ impl fmt::Display for Reading {
 
 /// Four digits of a number.
 fn digits(value: f64) -> String {
-    let scale = 10f64.powf(3.0 - value.abs().log10().floor());
+    rounded(value, 4)
+}
+
+/// So many digits of a number.
+pub(super) fn rounded(value: f64, digits: u8) -> String {
+    let scale = 10f64.powf(f64::from(digits) - 1.0 - value.abs().log10().floor());
     if value == 0.0 || !scale.is_finite() { format!("{value}") } else { format!("{}", (value * scale).round() / scale) }
 }
 
@@ -115,6 +120,15 @@ pub(super) fn instead(reading: &Reading) -> Option<TimeUnit> {
         && (FASTEST_FRACTIONS..=FASTEST).contains(&rate)
         && reading.start.abs() * milliseconds.seconds() <= LONGEST;
     is_possible.then_some(milliseconds)
+}
+
+/// The rate of a reading, and the symbol of the next coarser unit, where only [`SLOWEST`] forbids that one.
+pub(super) fn slower(reading: &Reading) -> Option<(f64, &'static str)> {
+    let rate = reading.rate?;
+    let place = UNITS.iter().position(|&unit| unit == reading.unit)?;
+    let coarser = UNITS.get(place.checked_sub(1)?)?;
+    let is_possible = (SLOWEST_EVENTS..SLOWEST).contains(&(rate * 1e-3)) && reading.start.abs() * 1e3 <= LONGEST;
+    is_possible.then_some((rate, coarser.symbol()))
 }
 
 /// The units of readings, but for one.

@@ -381,7 +381,7 @@ fn clock_with_empty_first_rows_needs_unit() {
         format!("{name},x\n{empty}{},1\n{},2\n{},3\n", last[0], last[1], last[2])
     };
     let text = message(&folder.file("a.csv", rows("time", ["0", "10", "20"])), &["x"]);
-    assert!(text.contains("`time` could be s or ms or us or ns") && text.contains("--time-unit"), "{text}");
+    assert!(text.contains("`time` has no values in the first rows") && text.contains("--time-unit"), "{text}");
     let named = Selection { time: TimeSpec::Column { name: "my clock".into(), unit: None }, ..Selection::new(["x"]) };
     let text = open(&[folder.file("n.csv", rows("my clock", ["0", "10", "20"]))], &named).unwrap_err().to_string();
     assert!(text.contains("--time \"my clock\" --time-unit ns") && text.contains("column = \"my clock\""), "{text}");
