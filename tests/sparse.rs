@@ -480,3 +480,45 @@ fn constraints_of_dropped_functions_are_named() {
     let message = run(&[]).fails(&["no coefficients satisfy these constraints together", "n <= 0.1"]);
     assert_eq!(message.matches("m >= 1").count(), 1, "{message}");
 }
+
+/// Conditions of the optimum of the objective in docs/mathematics.md, with target and columns over their deviations:
+/// `x_j' r / (n s^2) = lambda u_j sign(b_j)` where `b_j` is not 0, else at most `lambda u_j`.
+#[test]
+fn lassos_minimise_the_documented_objective() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows = 500;
+    let wave = |k: usize, frequency: f64| (frequency * k as f64).sin();
+    let columns = [2.0, 0.3, 7.0].map(|size| (0..rows).map(|k| size * wave(k, 0.7 + 0.1 * size)).collect::<Vec<f64>>());
+    let y: Vec<f64> =
+        (0..rows).map(|k| 4.0 * columns[0][k] - 3.0 * columns[1][k] + 5.0 + 2.0 * wave(k * k, 0.31)).collect();
+    let mut text = String::from("y,a,b,c\n");
+    for k in 0..rows {
+        text += &format!("{},{},{},{}\n", y[k], columns[0][k], columns[1][k], columns[2][k]);
+    }
+    fs::write(folder.path().join("log.csv"), text).expect("a file");
+    let lambda = 0.05;
+    let report =
+        fit(folder.path(), &["log.csv", "--inputs", "a,b,c", "--predict", "y", "--lambda", "0.05"]).ok().json();
+    let functions = report["latents"][0]["functions"].as_array().expect("functions");
+    let of = |name: &str| number(&functions.iter().find(|function| function["function"] == name).expect(name)["lasso"]);
+    let slopes = ["a", "b", "c"].map(of);
+    assert!(slopes[0] > 1.0 && slopes[1] < 0.0, "{slopes:?}");
+    let n = rows as f64;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
+    let deviation = |values: &[f64]| {
+        let centre = mean(values);
+        (values.iter().map(|value| (value - centre).powi(2)).sum::<f64>() / n).sqrt()
+    };
+    let scale = deviation(&y);
+    let residual: Vec<f64> =
+        (0..rows).map(|k| y[k] - of("1") - (0..3).map(|j| slopes[j] * columns[j][k]).sum::<f64>()).collect();
+    for (column, slope) in columns.iter().zip(slopes) {
+        let slant = column.iter().zip(&residual).map(|(x, r)| x * r).sum::<f64>() / (n * scale * scale);
+        let most = lambda * deviation(column) / scale;
+        // The solver's certificate is 1e-8 of the gradient at 0, and the text has all digits.
+        match slope {
+            0.0 => assert!(slant.abs() <= most * (1.0 + 1e-6), "{slant} {most}"),
+            _ => assert!((slant - most * slope.signum()).abs() < 1e-6 * most, "{slope}: {slant} {most}"),
+        }
+    }
+}

@@ -95,7 +95,8 @@ settings! {
     sparse, SparseSection::silenced;
     /// Settings of a sparse regression. Every entry is the flag of `fit sparse` of the same name.
     pub struct SparseSection {
-        /// Strength of the l1 penalty, `1/(2n) rss + lambda l1`: auto, a number, or `0.5/sqrt(n)` (default: auto).
+        /// Strength of the l1 penalty, `1/(2n) rss + lambda l1` with targets and columns over their deviations: auto, a
+        /// number, or `0.5/sqrt(n)` (default: auto).
         #[arg(long, value_name = "LAMBDA", allow_negative_numbers = true)]
         pub lambda: String,
         /// Rule that chooses lambda (default: one-se).
