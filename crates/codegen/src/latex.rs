@@ -197,7 +197,8 @@ fn escaped(text: &str) -> String {
             }
             '^' => out += "\\hat{}",
             '~' => out += "\\sim{}",
-            other => out.push(other),
+            c if c.is_ascii() => out.push(c),
+            c => out += &format!("${}$", Expr::column(c.to_string()).to_latex()),
         }
     }
     out

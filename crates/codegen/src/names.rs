@@ -64,19 +64,29 @@ pub(crate) fn constants<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Str
 
 /// Text that ends no comment and hides nothing: one line, no control or direction characters, no comment marks.
 pub(crate) fn comment(text: &str) -> String {
-    let visible = |c: char| {
-        let hidden = matches!(c, '\u{ad}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
-        if c.is_control() || c.is_whitespace() || hidden { ' ' } else { c }
-    };
+    let visible = |c: char| if c.is_control() || c.is_whitespace() || is_hidden(c) { ' ' } else { c };
     let text: String = text.chars().map(visible).collect();
     text.replace('\\', "/").replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\"\"\"", "'''")
 }
 
-/// A literal in double quotes that C, Rust and Python read alike: printable ASCII, the rest replaced by `?`.
-pub(crate) fn ascii_literal(text: &str) -> String {
-    let plain = |c: char| if c == ' ' || c.is_ascii_graphic() { c } else { '?' };
-    let text: String = text.chars().map(plain).collect();
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+/// Characters that change the direction of a line, or that nobody sees.
+fn is_hidden(c: char) -> bool {
+    matches!(c, '\u{ad}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+/// A literal in double quotes that Rust and Python read alike, but for `escape`: how the language writes the code of a
+/// character that is not printed as it is.
+pub(crate) fn literal(text: &str, escape: impl Fn(u32) -> String) -> String {
+    let mut out = String::from('"');
+    for c in text.chars() {
+        match c {
+            '\\' | '"' => out.extend(['\\', c]),
+            c if c.is_control() || is_hidden(c) => out += &escape(c.into()),
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
 }
 
 /// `CamelCase` of a prefix.
@@ -103,7 +113,14 @@ mod tests {
     #[test]
     fn text_cannot_end_a_comment() {
         assert_eq!(comment("a*/ b\n#define x \\\u{202e}"), "a* / b #define x / ");
-        assert_eq!(ascii_literal("m/s² \"x\"\\"), "\"m/s? \\\"x\\\"\\\\\"");
+    }
+
+    #[test]
+    fn literals_keep_every_name_apart() {
+        let rust = |text: &str| literal(text, |code| format!("\\u{{{code:x}}}"));
+        assert_eq!(rust("m/s² \"x\"\\"), r#""m/s² \"x\"\\""#);
+        assert_eq!([rust("θ"), rust("ω")], ["\"θ\"", "\"ω\""]);
+        assert_eq!(rust("a\nb\u{202e}\u{7f}"), r#""a\u{a}b\u{202e}\u{7f}""#);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::{
     cost::Used,
     layout,
     lower::NEXT_INPUTS,
-    names::{ascii_literal, camel, comment},
+    names::{camel, comment, literal},
     plan::Source,
     print::{Syntax, arguments, block, index, place, real},
     public::{Public, fold},
@@ -67,7 +67,7 @@ fn names(assembled: &Assembled<'_>, out: &mut String) {
     for (constant, names) in
         [("STATES", states), ("INPUTS", inputs), ("OUTPUTS", outputs), ("REGIONS", assembled.regions())]
     {
-        let texts: Vec<String> = names.iter().map(|name| ascii_literal(name)).collect();
+        let texts: Vec<String> = names.iter().map(|name| literal(name, |code| format!("\\U{code:08x}"))).collect();
         *out += &format!("{constant} = (\n");
         layout::rows(&texts, names.len(), out);
         *out += ")\n";

@@ -10,7 +10,7 @@ use crate::{
     cost::{Cost, Used},
     layout,
     lower::NEXT_INPUTS,
-    names::{ascii_literal, comment},
+    names::{comment, literal},
     options::Precision,
     plan::Source,
     print::{Syntax, block},
@@ -102,7 +102,8 @@ impl Rust {
             ("Names of the outputs, in the order of `y`.", "OUTPUTS", outputs),
             ("Names of the regions.", "REGIONS", assembled.regions()),
         ] {
-            let texts: Vec<String> = names.iter().map(|name| ascii_literal(name)).collect();
+            let escape = |code: u32| format!("\\u{{{code:x}}}");
+            let texts: Vec<String> = names.iter().map(|name| literal(name, escape)).collect();
             *out += &format!("/// {what}\npub const {constant}: [&str; {}] = [\n", names.len());
             layout::rows(&texts, names.len(), out);
             *out += "];\n";

@@ -2,12 +2,12 @@
 
 use crate::{
     Expr, Unary,
-    typeset::{Forms, Notation, Subscript, Symbol, is_greek, typeset},
+    typeset::{Forms, Notation, Subscript, Symbol, greek_name, is_greek, typeset},
 };
 
 impl Expr {
     /// The expression in LaTeX's mathematical mode: quotients as fractions, `vx_1` as an upright vx with the subscript 1, Greek
-    /// letters by their names, columns of a recording in discrete time as `x_{k-1}` (where a lag occurs, every column has its `k`).
+    /// letters by their names, other characters beyond ASCII as text that pdflatex sets, columns of a recording in discrete time as `x_{k-1}` (where a lag occurs, every column has its `k`).
     pub fn to_latex(&self) -> String {
         typeset::<Latex>(self)
     }
@@ -97,8 +97,12 @@ fn word(text: &str) -> String {
         return format!("\\{text}");
     }
     let mut characters = text.chars();
-    let single = characters.next().is_some_and(|c| c.is_ascii_alphabetic()) && characters.next().is_none();
-    if single || (!text.is_empty() && text.bytes().all(|c| c.is_ascii_digit())) {
+    let first = characters.next().filter(|_| characters.next().is_none());
+    if let Some(name) = first.and_then(greek_name) {
+        return format!("\\{name}");
+    }
+    if first.is_some_and(|c| c.is_ascii_alphabetic()) || (!text.is_empty() && text.bytes().all(|c| c.is_ascii_digit()))
+    {
         return text.to_owned();
     }
     let mut word = "\\mathrm{".to_owned();
@@ -109,11 +113,40 @@ fn word(text: &str) -> String {
             '^' => word.push_str("\\hat{}"),
             '~' => word.push_str("\\sim "),
             ' ' => word.push_str("\\ "),
-            _ => word.push(c),
+            c if c.is_ascii() => word.push(c),
+            c => word += &beyond_ascii(c),
         }
     }
     word.push('}');
     word
+}
+
+/// A character that mathematics of pdflatex with the package `amsmath` alone does not set.
+fn beyond_ascii(c: char) -> String {
+    const LATIN: &str = "ΑΒΕΖΗΙΚΜΝΟΡΤΧο";
+    const ALIKE: &str = "ABEZHIKMNOPTXo";
+    let digit = |first: char| char::from_digit(u32::from(c).wrapping_sub(first.into()), 10);
+    if let Some(name) = greek_name(c) {
+        return format!("\\{name}{{}}");
+    }
+    if let Some(place) = LATIN.chars().position(|letter| letter == c) {
+        return ALIKE[place..=place].to_owned();
+    }
+    if let Some(digit) = digit('₀') {
+        return format!("{{}}_{{{digit}}}");
+    }
+    match c {
+        '¹' => "{}^{1}".to_owned(),
+        '²' => "{}^{2}".to_owned(),
+        '³' => "{}^{3}".to_owned(),
+        '°' => "{}^{\\circ}".to_owned(),
+        'µ' => "\\mu{}".to_owned(),
+        '·' => "\\cdot{}".to_owned(),
+        '×' => "\\times{}".to_owned(),
+        // The thorn and the eth are in no font that is always there.
+        'À'..='ÿ' if !"ÐÞðþ÷".contains(c) => format!("\\text{{{c}}}"),
+        c => format!("\\text{{U+{:04X}}}", u32::from(c)),
+    }
 }
 
 #[cfg(test)]
@@ -128,6 +161,11 @@ mod tests {
             ("m1", "m_{1}"),
             ("alpha", "\\alpha"),
             ("omega_motor", "\\omega_{\\mathrm{motor}}"),
+            ("`θ`", "\\theta"),
+            ("`Ω_motor`", "\\Omega_{\\mathrm{motor}}"),
+            ("`θ₁₂`*`ω²`", "\\mathrm{\\theta{}{}_{1}{}_{2}} \\, \\mathrm{\\omega{}{}^{2}}"),
+            ("`Größe Α`", "\\mathrm{Gr\\text{ö}\\text{ß}e\\ A}"),
+            ("`速`", "\\mathrm{\\text{U+901F}}"),
             ("q.x", "q_{x}"),
             ("u[2]", "u_{2}"),
             ("/odom.twist", "\\mathrm{/odom}_{\\mathrm{twist}}"),

@@ -2,7 +2,7 @@
 
 mod symbol;
 
-pub(crate) use symbol::{Subscript, Symbol, is_greek};
+pub(crate) use symbol::{Subscript, Symbol, greek_name, is_greek};
 
 use crate::{Binary, Expr, Filter, Node, Unary};
 

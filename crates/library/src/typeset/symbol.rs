@@ -6,6 +6,14 @@ const GREEK: [&str; 34] = [
     "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega",
 ];
 
+/// The letters of [`GREEK`], in its order.
+const LETTERS: &str = "αβγδεζηθικλμνξρστυφχψωπΓΔΘΛΞΠΣΥΦΨΩ";
+
+/// The name of a Greek letter; `None` of others, and of those that look like Latin ones.
+pub(crate) fn greek_name(letter: char) -> Option<&'static str> {
+    LETTERS.chars().position(|known| known == letter).map(|place| GREEK[place])
+}
+
 /// Returns true if a word is the name of a Greek letter.
 pub(crate) fn is_greek(word: &str) -> bool {
     GREEK.contains(&word)
