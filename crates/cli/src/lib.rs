@@ -89,6 +89,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Man(arguments) => commands::man::man(arguments, &context),
     };
     match fleetfoot::with_threads(threads(cli.threads, &context), || stoppable(signals::stop(), work)) {
+        // What a stopped search had found is written, and the search is not complete.
+        Ok(Ok(())) if signals::stop().is_set() => signals::STOPPED,
         Ok(Ok(())) => 0,
         Ok(Err(error @ fleetfoot::Error::Paused { .. })) => {
             report::tell(error);
