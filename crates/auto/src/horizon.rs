@@ -44,6 +44,11 @@ impl HorizonChoice {
         Simulations { rule: RolloutRule::new(shorter.steps), before: shorter.before, limit: None }
     }
 
+    /// Most steps of a simulation that held-out spans of `room` rows have room for; 0: none.
+    pub(crate) fn longest(room: usize) -> usize {
+        MOST.min(room.saturating_sub(before(room) + 2))
+    }
+
     /// The horizon of rows, whose states are these columns; no longer than held-out spans of `room` rows allow. `None`: they are too short for any.
     ///
     /// # Errors
@@ -54,8 +59,7 @@ impl HorizonChoice {
         room: usize,
         (given, step): (Option<usize>, f64),
     ) -> Result<Option<Self>, Error> {
-        let before = BEFORE.min(room / 4);
-        let most = MOST.min(room.saturating_sub(before + 2));
+        let (before, most) = (before(room), Self::longest(room));
         let correlation = correlation(rows, states)?;
         if most < LEAST.min(given.unwrap_or(LEAST)) {
             return Ok(None);
@@ -65,6 +69,11 @@ impl HorizonChoice {
         let steps = given.unwrap_or(chosen).min(most);
         Ok(Some(Self { steps, seconds: steps as f64 * step, correlation, before, room }))
     }
+}
+
+/// Rows in front of every simulation, of held-out spans of `room` rows.
+fn before(room: usize) -> usize {
+    BEFORE.min(room / 4)
 }
 
 /// Rows after which the autocorrelation of the states is below 1/e, in the median over the states.
@@ -132,5 +141,9 @@ mod tests {
         assert_eq!(HorizonChoice::of(&source, &[(0, false)], 40, (None, 0.01)).unwrap().unwrap().steps, 20);
         assert_eq!(HorizonChoice::of(&source, &[(0, false)], 1000, (Some(7), 0.01)).unwrap().unwrap().steps, 7);
         assert_eq!(HorizonChoice::of(&source, &[(0, false)], 6, (None, 0.01)).unwrap(), None);
+        // The longest horizon of a short span is one that can be asked for.
+        let longest = HorizonChoice::longest(6);
+        let choice = HorizonChoice::of(&source, &[(0, false)], 6, (Some(longest), 0.01)).unwrap().unwrap();
+        assert_eq!((choice.steps, choice.steps + choice.before + 2), (3, 6));
     }
 }

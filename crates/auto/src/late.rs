@@ -3,14 +3,23 @@
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::Logs;
 use fleetfoot_fit::{Error, late_inputs};
+use fleetfoot_model::Column;
 use fleetfoot_recipe::{Input, InputTable, Recipe};
 
 use crate::candidates::Variant;
 
 /// Delay in rows that the models of every candidate have already.
 const USUAL: usize = 2;
+/// End of the name of an input that is moved.
+const LATE: &str = "_late";
 
-/// The recipe with its late inputs moved; its name says by how many rows. A delay is at most `most` rows: those in front
+/// A moved input of a model and the column that it is, as an equation; `None` of other columns.
+pub(crate) fn definition(column: &Column, recipe: &Recipe) -> Option<String> {
+    let input = column.name.strip_suffix(LATE)?;
+    recipe.inputs.contains_key(input).then(|| format!("{} = {}", column.name, column.source))
+}
+
+/// The recipe with its late inputs moved; its name says by how many rows, as its columns do. A delay is at most `most` rows: those in front
 /// of every simulation. `None` if no input is late.
 ///
 /// # Errors
@@ -21,18 +30,19 @@ pub(crate) fn moved(
     most: usize,
     progress: &dyn Progress,
 ) -> Result<Option<Variant>, Error> {
-    let late = late_inputs(recipe, logs, [USUAL, most], progress)?;
+    let mut late = late_inputs(recipe, logs, [USUAL, most], progress)?;
     if late.is_empty() {
         return Ok(None);
     }
+    // A model of the next row reads the input of this one, which is a row late already.
+    late.iter_mut().for_each(|(_, rows)| *rows -= 1);
     let mut moved = recipe.clone();
     for (name, rows) in &late {
         let Some(input) = moved.inputs.shift_remove(name) else { continue };
         let table = input.table();
         let of = table.column.clone().unwrap_or_else(|| format!("`{name}`"));
-        // A model of the next row reads the input of this one, which is a row late already.
-        let column = Some(format!("lag({of}, {})", rows - 1));
-        moved.inputs.insert(format!("{name}_late"), Input::Table(InputTable { column, ..table }));
+        let column = Some(format!("lag({of}, {rows})"));
+        moved.inputs.insert(format!("{name}{LATE}"), Input::Table(InputTable { column, ..table }));
     }
     let delays: Vec<String> = late.iter().map(|(name, rows)| format!("{name} {rows}")).collect();
     Ok(Some(Variant { name: format!("late by rows ({})", delays.join(", ")), recipe: moved }))
@@ -67,7 +77,7 @@ mod tests {
         let held = |row: usize| (0.37 * (row / 7 * 7) as f64).sin() + (0.11 * row as f64).cos();
         // An angle is seen as its cosine and its sine.
         for state in ["{}", "{ kind = \"angle\" }"] {
-            let moved = Some(["late by rows (u 17)".to_owned(), "lag(`u`, 16)".to_owned()]);
+            let moved = Some(["late by rows (u 16)".to_owned(), "lag(`u`, 16)".to_owned()]);
             assert_eq!(late(state, 17, held), moved, "{state}");
             assert_eq!(late(state, 1, held), None, "{state}");
         }

@@ -25,7 +25,7 @@ use std::{fs, path::Path};
 use candidates::Variant;
 use candidates::{LINEAR, MEAN, Rows};
 use fleetfoot_check::{Checked, check};
-use fleetfoot_data::setting::{EFFORT, FIT_SINDY};
+use fleetfoot_data::setting::{EFFORT, FIT_SINDY, HORIZON};
 use fleetfoot_data::{Cancelled, Progress, Silent, Source, unstoppable};
 use fleetfoot_dataset::{Dataset, Logs, Part};
 use fleetfoot_dynamics::Estimate;
@@ -143,7 +143,8 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
         return Err(Error::needs_rows("auto simulates rows, and a statistic has none: give logs".into()));
     }
     let mut notes = Vec::new();
-    let mut recipe = draft::drafted(recipe, logs, &mut notes, progress)?;
+    let recipe = stamps::named(recipe, logs, &mut notes, progress);
+    let mut recipe = draft::drafted(&recipe, logs, &mut notes, progress)?;
     if is_known(&recipe) && recipe.parameters.is_empty() {
         return Err(Error::conflict(format!(
             "all states of the recipe are known, so there is nothing to fit; {FIT_SINDY} writes the model as it is"
@@ -217,6 +218,8 @@ impl Search<'_> {
     fn look(&mut self, progress: &dyn Progress) -> Result<Looked, Error> {
         let training = self.logs.only(Part::Training);
         let dataset = Dataset::for_columns(self.recipe, None, training, progress)?;
+        let unsaid: Vec<String> = dataset.notes().iter().filter(|note| !self.notes.contains(note)).cloned().collect();
+        self.notes.extend(unsaid);
         let view = dataset.view()?;
         let folds = RolloutRule::new(1).folds;
         let room = fold_room(&view, folds, self.recipe.time.smoothed, dataset.step())?;
@@ -226,11 +229,15 @@ impl Search<'_> {
             .collect();
         let given = self.recipe.auto.horizon;
         let horizon = HorizonChoice::of(&view, &states, room, (given, dataset.step()))?.ok_or_else(|| {
+            let shorter = match HorizonChoice::longest(room) {
+                0 => String::new(),
+                steps => format!(", or simulate fewer steps ({})", HORIZON.to(steps)),
+            };
             Error::too_few_rows(
                 view.rows() as u64,
                 0,
                 format!(
-                    "{} training rows are too few to simulate held-out parts of them ({folds} folds, the longest part has {room} rows); give longer logs",
+                    "{} training rows are too few to simulate held-out parts of them ({folds} folds, the longest part has {room} rows); give longer logs{shorter}",
                     view.rows()
                 ),
             )
@@ -346,7 +353,7 @@ impl Search<'_> {
     }
 }
 
-/// An error over that of persistence below which a model is exact.
+/// An error over that of persistence below which a model is exact: such errors compare as equal.
 const EXACT: f64 = 1e-6;
 
 /// Errors of a state in every fold.

@@ -1,11 +1,36 @@
-//! Rows at even stamps, where those of the log scatter.
+//! The unit of stamps that their size alone tells, and rows at even stamps, where those of the log scatter.
 
 use fleetfoot_check::{Checked, Fault};
 use fleetfoot_data::Progress;
 use fleetfoot_data::setting::RATE;
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_fit::Error;
+use fleetfoot_log::{ClockInfo, inspect_together};
 use fleetfoot_recipe::Recipe;
+
+/// The recipe with the clock's column and unit, if the size of the stamps alone tells the unit, and a note on it. A
+/// recipe that names the unit stays, and logs that cannot be inspected are reported when they are opened.
+pub(crate) fn named(recipe: &Recipe, logs: &Logs, notes: &mut Vec<String>, progress: &dyn Progress) -> Recipe {
+    let mut recipe = recipe.clone();
+    let time = &mut recipe.time;
+    if time.unit.is_some() || time.dt.is_some() {
+        return recipe;
+    }
+    let infos = inspect_together(&logs.files(), false, progress).unwrap_or_default();
+    // All logs of a call have one clock in a recipe. One in two columns cannot be named.
+    let clocks: Option<Vec<&ClockInfo>> = infos.iter().map(|info| info.clock.as_ref()).collect();
+    let Some([clock, others @ ..]) = clocks.as_deref() else { return recipe };
+    let same = |other: &&ClockInfo| other.column == clock.column && other.unit == clock.unit && other.beside.is_none();
+    let is_other = time.column.as_ref().is_some_and(|column| *column != clock.column);
+    if let (Some(unit), Some(assumed), None) = (clock.unit, &clock.assumed, &clock.beside)
+        && others.iter().all(same)
+        && !is_other
+    {
+        (time.column, time.unit) = (Some(clock.column.clone()), Some(unit.symbol().to_owned()));
+        notes.push(assumed.clone());
+    }
+    recipe
+}
 
 /// Gives the recipe a rate if stamps jitter, come in bursts, or rows are missing between others: models of one step
 /// after another need even rows.
