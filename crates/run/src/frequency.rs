@@ -1,5 +1,6 @@
 //! Frequency response of a log, and of a model that is simulated with the inputs of the log.
 
+mod leakage;
 mod periods;
 mod spectra;
 
@@ -51,7 +52,8 @@ pub struct Line {
     pub frequency: f64,
     /// Real and imaginary part.
     pub value: [f64; 2],
-    /// Radius of the circle about the value that holds the response in 95 % of repetitions; NaN for a single part.
+    /// Radius of the circle about the value that holds the expected estimate in 95 % of repetitions: of averaged spectra
+    /// that is the response but for leakage. NaN for a single part.
     pub radius: f64,
     /// Share of the output's power that is linear in the input.
     pub coherence: f64,
@@ -201,12 +203,17 @@ pub fn frequency(
     options.segment = options.period.is_none().then_some(length as f64 * step);
     let mut notes = dataset.notes().to_vec();
     let mut measured = Sums::new(&options, length);
+    // Twice as long segments show the leakage.
+    let mut longer = options.period.is_none().then(|| Spectra::new(2 * length));
     let mut simulated = model.as_ref().map(|_| Sums::new(&options, length));
     let mut ended = 0;
     for (at, episode) in dataset.episodes().iter().enumerate() {
         even(&view, at, step)?;
         let [input, output] = channels.read(&view, at)?;
         measured.add(&input, &output);
+        if let Some(longer) = &mut longer {
+            longer.add(&input, &output);
+        }
         if let (Some(model), Some(sums)) = (&model, &mut simulated) {
             let path = simulate(model, &dataset, at, episode, &options.output, progress)?;
             ended += usize::from(path.last().is_some_and(|last| last.is_nan()));
@@ -227,11 +234,14 @@ pub fn frequency(
             options.output
         ))
     };
+    let measured = measured.finish(step).ok_or_else(missing)?;
+    let longer = longer.and_then(|sums| sums.finish(step));
+    notes.extend(longer.and_then(|longer| leakage::note(&measured, &longer, length, longest, step)));
     Ok(Frequencies {
         length,
         step,
         units: channels.units.clone(),
-        measured: measured.finish(step).ok_or_else(missing)?,
+        measured,
         model: simulated.and_then(|sums| sums.finish(step)),
         episodes: dataset.episodes().len(),
         in_sample: model.as_ref().map(|model| dataset.in_sample(model)).unwrap_or_default(),
