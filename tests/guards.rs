@@ -369,6 +369,29 @@ fn diverging_rollouts_suggest_bounds() {
     }
 }
 
+/// Predictions of a log without a value in one column.
+#[test]
+fn predictions_without_inputs_name_the_column() {
+    let text = robot_csv(400, 0.0);
+    let emptied: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(row, line)| {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            cells[3] = if row == 0 { cells[3] } else { "" };
+            cells.join(",")
+        })
+        .collect();
+    let folder = folder(&[("log.csv", &text), ("empty.csv", &emptied.join("\n")), ("r.toml", RECIPE)]);
+    let path = folder.path();
+    fit(path, &["-p", "average"]).ok();
+    let note = "no row has a prediction: `u` has no value in any row";
+    let output = fleetfoot(path, &["predict", "model.json", "empty.csv", "-o", "p.csv"]).ok();
+    assert!(output.err.contains(note) && output.out.contains(" 0 with a prediction"), "{}{}", output.err, output.out);
+    let output = fleetfoot(path, &["predict", "model.json", "log.csv", "-o", "q.csv"]).ok();
+    assert!(!output.err.contains("no row has a prediction"), "{}", output.err);
+}
+
 /// Numbers for which a job would not end, or its sizes would not fit an address.
 #[test]
 fn numbers_of_options_have_bounds() {
@@ -377,7 +400,9 @@ fn numbers_of_options_have_bounds() {
     fit(path, &["-p", "average"]).ok();
     let huge = "18446744073709551615";
     for (command, words) in [
-        (format!("rollout model.json log.csv --horizon {huge}"), ["--horizon", "0..=10000000"]),
+        (format!("rollout model.json log.csv --horizon {huge}"), ["--horizon", "1..=10000000"]),
+        ("rollout model.json log.csv --horizon 0".to_owned(), ["--horizon", "1..=10000000"]),
+        ("rollout model.json log.csv --starts 0".to_owned(), ["--starts", "1..=1000000000"]),
         (format!("report model.json log.csv --horizon {huge}"), ["--horizon", "0..=10000000"]),
         ("score model.json log.csv --plane v,u --bins 4294967296".to_owned(), ["--bins", "0..=1000"]),
         ("prepare -c r.toml log.csv --hampel 4294967296".to_owned(), ["--hampel", "0..=10000"]),
@@ -392,6 +417,8 @@ fn numbers_of_options_have_bounds() {
     // A recipe has the same ones.
     fs::write(path.join("h.toml"), format!("{RECIPE}[prepare]\nhampel = 4294967296\n")).unwrap();
     fleetfoot(path, &["prepare", "-c", "h.toml", "log.csv"]).fails(&["h.toml", "[prepare] hampel", "0..=10000"]);
+    let gap = fleetfoot(path, &["check", "log.csv", "--max-gap", "0"]);
+    gap.fails(&["max_gap = 0: write seconds above 0, \"auto\" or \"none\""]);
     // More threads than help are not started.
     let output = fleetfoot(path, &["score", "model.json", "log.csv", "--threads", "10000"]).ok();
     assert!(output.err.contains("--threads 10000") && output.err.contains("4 a core"), "{}", output.err);

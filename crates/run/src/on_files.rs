@@ -190,6 +190,7 @@ pub fn predict_rows(
     let predictor = Predictor::new(model, &names)?;
     let pieces = blocks(&view);
     progress.stage("predict");
+    let mut without_values = vec![true; names.len()];
     let mut written =
         Written { rows: 0, predicted: 0, compared: 0, outside_domain: 0, notes: dataset.notes().to_vec() };
     parallel_fold(
@@ -212,6 +213,9 @@ pub fn predict_rows(
                 predicted: &predicted,
             };
             take(&predictor, &rows)?;
+            for (column, is_empty) in without_values.iter_mut().enumerate() {
+                *is_empty &= block.column(column).iter().all(|value| !value.is_finite());
+            }
             written.rows += predicted.rows as u64;
             written.predicted += (0..predicted.rows).filter(|&row| predicted.is_predicted(row)).count() as u64;
             written.compared += predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
@@ -220,7 +224,23 @@ pub fn predict_rows(
             Ok(())
         },
     )?;
+    if written.predicted == 0 {
+        written.notes.extend(nothing_predicted(&names, &without_values));
+    }
     Ok(written)
+}
+
+/// Note on columns that have no value in any row; `None` if all have some.
+fn nothing_predicted(names: &[&str], without_values: &[bool]) -> Option<String> {
+    let empty = names.iter().zip(without_values).filter(|(_, is_empty)| **is_empty);
+    let empty: Vec<String> = empty.map(|(name, _)| format!("`{name}`")).collect();
+    let have = if empty.len() == 1 { "has" } else { "have" };
+    (!empty.is_empty()).then(|| {
+        format!(
+            "no row has a prediction: {} {have} no value in any row; check these columns of the logs",
+            empty.join(", ")
+        )
+    })
 }
 
 /// Writes per row: episode and stamp; measured target, prediction and residual of every fitted equation; region;

@@ -75,11 +75,11 @@ pub(crate) struct Rollout {
     #[command(flatten)]
     pub(crate) model: ModelData,
     /// Steps of every trajectory.
-    #[arg(long, value_name = "STEPS", default_value_t = 200, value_parser = whole::<usize>(0..=10_000_000))]
+    #[arg(long, value_name = "STEPS", default_value_t = 200, value_parser = whole::<usize>(1..=10_000_000))]
     pub(crate) horizon: usize,
     /// Number of trajectories.
-    #[arg(long, value_name = "N", default_value = "1000")]
-    pub(crate) starts: std::num::NonZeroUsize,
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = whole::<usize>(1..=1_000_000_000))]
+    pub(crate) starts: usize,
     /// Integration of derivatives.
     #[arg(long, value_enum, default_value = "rk4")]
     pub(crate) method: Method,

@@ -33,8 +33,8 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
     };
     arguments.paths.options().apply(&model, &mut options)?;
     let starts = match arguments.seed {
-        None => Starts::Even(arguments.starts.get()),
-        Some(seed) => Starts::Random { count: arguments.starts.get(), seed },
+        None => Starts::Even(arguments.starts),
+        Some(seed) => Starts::Random { count: arguments.starts, seed },
     };
     let changes = time_changes(&arguments.model)?;
     let controller = arguments.controller.read()?;

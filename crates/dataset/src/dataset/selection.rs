@@ -29,7 +29,13 @@ fn max_gap(gap: Option<&Gap>, place: &str) -> Result<MaxGap, Error> {
         Some(Gap::Seconds(seconds)) if *seconds > 0.0 => Ok(MaxGap::Seconds(*seconds)),
         Some(Gap::Word(word)) if word == "auto" => Ok(MaxGap::Auto),
         Some(Gap::Word(word)) if word == "none" => Ok(MaxGap::Unlimited),
-        Some(gap) => Err(Error::value(format!("{place} max_gap = {gap:?}: write seconds, \"auto\" or \"none\""))),
+        Some(gap) => {
+            let written = match gap {
+                Gap::Seconds(seconds) => seconds.to_string(),
+                Gap::Word(word) => format!("\"{word}\""),
+            };
+            Err(Error::value(format!("{place} max_gap = {written}: write seconds above 0, \"auto\" or \"none\"")))
+        }
     }
 }
 
