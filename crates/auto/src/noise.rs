@@ -38,7 +38,9 @@ pub(crate) fn share(rows: &dyn Source, column: usize) -> Result<f64, Error> {
     }
     let middle = differences.len() / 2;
     let (_, median, _) = differences.select_nth_unstable_by(middle, |a, b| a[0].abs().total_cmp(&b[0].abs()));
-    let most = JUMP * median[0].abs();
+    // A value that mostly repeats is that of a coarse sensor: every step of it is an error.
+    let is_coarse = median[0] == 0.0;
+    let most = if is_coarse { f64::INFINITY } else { JUMP * median[0].abs() };
     let (mut variance, mut covariance, mut first) = (0.0, 0.0, 0.0);
     for [a, b, difference] in differences.iter().filter(|[a, b, _]| a.abs() <= most && b.abs() <= most) {
         variance += a * a;
@@ -48,8 +50,9 @@ pub(crate) fn share(rows: &dyn Source, column: usize) -> Result<f64, Error> {
     if first == 0.0 {
         return Ok(0.0);
     }
+    let by_covariance = if is_coarse { f64::INFINITY } else { covariance / COVARIANCE };
     // A difference has twice the variance of the noise.
-    Ok((2.0 * (variance / VARIANCE).min(covariance / COVARIANCE) / first).clamp(0.0, 1.0))
+    Ok((2.0 * (variance / VARIANCE).min(by_covariance) / first).clamp(0.0, 1.0))
 }
 
 #[cfg(test)]
@@ -84,6 +87,12 @@ mod tests {
         assert!(noisy(0.0) < 0.01 && noisy(0.2) > 0.9, "{} {}", noisy(0.0), noisy(0.2));
         // A difference of 0.014 (root of the mean square) beside noise of 0.0058: twice 0.0058^2 of 2e-4 + twice that.
         assert!((noisy(0.02) - 0.25).abs() < 0.05, "{}", noisy(0.02));
+    }
+
+    #[test]
+    fn coarse_sensors_are_noisy() {
+        let slow = wave(1.0, || 0.0).into_iter().map(|x| (20.0 * x).round() / 20.0).collect();
+        assert!(share_of(slow) > MOSTLY);
     }
 
     #[test]
