@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let table = Table::new(INPUTS, TARGETS, values)?;
     let all: Vec<usize> = (0..ROWS).collect();
     let samples = table.samples(&all, &Units::of(&table, &all)?);
-    let shape = Shape { inputs: INPUTS, hidden: vec![64, 64], activation: Activation::Tanh };
+    let shape = Shape { inputs: INPUTS, hidden: vec![64, 64], activation: Activation::Tanh, window: None };
     let parameters = shape.initial(0);
     let (features, threads) = (shape.features(), thread_count() as f64);
     let layers = [INPUTS * 64, 64 * 64].map(|weights| weights as f64);

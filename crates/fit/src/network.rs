@@ -319,8 +319,12 @@ impl Network {
             let [all, _] = rows.split(None);
             let (p, q) = (rows.table.inputs(), rows.table.targets());
             let training = self.options.training(hidden, all.len(), p, q);
-            let shape =
-                fleetfoot_learn::Shape { inputs: p, hidden: hidden.clone(), activation: self.options.activation };
+            let shape = fleetfoot_learn::Shape {
+                inputs: p,
+                hidden: hidden.clone(),
+                activation: self.options.activation,
+                window: None,
+            };
             let fitted = train::network(&shape, &rows.table, &all, &training, progress)?;
             self.write(&mut model, &fitted, &rows);
         }

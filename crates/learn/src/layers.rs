@@ -1,8 +1,47 @@
-//! Dense layers over one tile: values, and the reverse product with the Jacobian.
+//! Hidden layers over one tile: values, and the reverse product with the Jacobian.
 
 use faer::{Accum, MatMut, MatRef, Par, linalg::matmul::matmul};
 
-use crate::{Shape, samples::TILE, shape::Layer};
+use crate::{Shape, recurrence::Recurrence, samples::TILE, shape::Layer};
+
+/// The hidden layers of one tile.
+pub(crate) enum Hidden {
+    Dense(Layers),
+    Cell(Box<Recurrence>),
+}
+
+impl Hidden {
+    pub(crate) fn new(shape: &Shape) -> Self {
+        match &shape.window {
+            Some(window) => Self::Cell(Box::new(Recurrence::new(shape, window))),
+            None => Self::Dense(Layers::new(shape)),
+        }
+    }
+
+    /// The features, column after column.
+    pub(crate) fn features(&self) -> &[f64] {
+        match self {
+            Self::Dense(layers) => layers.features(),
+            Self::Cell(recurrence) => recurrence.features(),
+        }
+    }
+
+    /// Values from the inputs of a tile.
+    pub(crate) fn forward(&mut self, parameters: &[f64], inputs: &[f64]) {
+        match self {
+            Self::Dense(layers) => layers.forward(parameters, inputs),
+            Self::Cell(recurrence) => recurrence.forward(parameters, inputs),
+        }
+    }
+
+    /// Reverse product after [`Hidden::forward`]: adds to `gradient` the derivatives by all parameters, given those by the features.
+    pub(crate) fn backward(&mut self, parameters: &[f64], inputs: &[f64], features: &[f64], gradient: &mut [f64]) {
+        match self {
+            Self::Dense(layers) => layers.backward(parameters, inputs, features, gradient),
+            Self::Cell(recurrence) => recurrence.backward(parameters, inputs, features, gradient),
+        }
+    }
+}
 
 /// Memory for the layers of one tile, reused from tile to tile.
 pub(crate) struct Layers {

@@ -3,7 +3,7 @@
 use faer::{Accum, MatMut, MatRef, Par, linalg::matmul::matmul};
 use fleetfoot_data::{Progress, parallel_fold};
 
-use crate::{Error, Output, Samples, Shape, Statistic, layers::Layers, samples::TILE};
+use crate::{Error, Output, Samples, Shape, Statistic, layers::Hidden, samples::TILE};
 
 /// Tiles that are summed in one piece by one thread.
 const PIECE: usize = 8;
@@ -64,7 +64,7 @@ pub fn statistic(
     let (inputs, features, targets) = (samples.inputs, shape.features(), samples.targets);
     let of = |tiles: &[usize]| {
         let mut sums = Statistic::new(inputs, features, targets);
-        let mut layers = Layers::new(shape);
+        let mut layers = Hidden::new(shape);
         let mut columns = vec![0.0; (1 + inputs + features + targets) * TILE];
         for &tile in tiles {
             let (x, y, rows) = samples.tile(tile);
@@ -106,7 +106,7 @@ pub fn slope(
     let zero = || Slope { loss: 0.0, hidden: vec![0.0; count], weights: vec![0.0; features * targets] };
     let of = |tiles: &[usize]| {
         let mut sum = zero();
-        let mut layers = Layers::new(shape);
+        let mut layers = Hidden::new(shape);
         let (mut errors, mut slopes) = (vec![0.0; targets * TILE], vec![0.0; features * TILE]);
         for &tile in tiles {
             let (x, y, rows) = samples.tile(tile);

@@ -160,6 +160,7 @@ impl Network {
             inputs: network.inputs.len(),
             hidden: network.layers.iter().map(|layer| layer.biases.len()).collect(),
             activation: self.options.activation,
+            window: None,
         };
         let parameters = network.layers.iter().flat_map(|layer| layer.weights.iter().flatten().chain(&layer.biases));
         let [all, _] = rows.split(None);

@@ -42,7 +42,7 @@ impl Pace {
         let some = &rows[..rows.len().min(TILES * TILE)];
         let samples = table.samples(some, &Units::measured(table, some)?);
         let of = |hidden: &Vec<usize>| -> Result<f64, Error> {
-            let shape = Shape { inputs, hidden: hidden.clone(), activation: options.activation };
+            let shape = Shape { inputs, hidden: hidden.clone(), activation: options.activation, window: None };
             let parameters = shape.initial(0);
             let output = Output(faer::Mat::zeros(1 + inputs + shape.features(), targets));
             let tiles: Vec<usize> = (0..samples.tiles()).collect();

@@ -35,7 +35,7 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
     let splits: Vec<[Vec<usize>; 2]> = splits.into_iter().filter(|[_, held]| !held.is_empty()).collect();
     let loss = |errors: &[f64]| errors.iter().zip(&sigma).map(|(e, s)| e / (s * s)).sum::<f64>() / q as f64;
     let candidate = |hidden: &[usize], errors: &[Vec<f64>]| {
-        let shape = Shape { inputs: p, hidden: hidden.to_vec(), activation: options.activation };
+        let shape = Shape { inputs: p, hidden: hidden.to_vec(), activation: options.activation, window: None };
         let numbers = shape.parameters() + (1 + p + shape.features()) * q;
         let weights: Vec<f64> = splits.iter().map(|[_, held]| held.len() as f64).collect();
         NetworkCandidate::new(
@@ -73,7 +73,7 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
             notes.push(few);
             break;
         }
-        let shape = Shape { inputs: p, hidden: hidden.clone(), activation: options.activation };
+        let shape = Shape { inputs: p, hidden: hidden.clone(), activation: options.activation, window: None };
         let so_far = candidates.iter().map(|candidate| candidate.loss).fold(f64::INFINITY, f64::min);
         let stages =
             Stages::new(progress, format!("held-out loss so far {so_far:.2e}, at most {} left", pace.left(at)));
@@ -113,7 +113,7 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
         unstoppable(|| linear(table, &all))?
     } else {
         let training = options.training(&hidden, all.len(), p, q);
-        let shape = Shape { inputs: p, hidden, activation: options.activation };
+        let shape = Shape { inputs: p, hidden, activation: options.activation, window: None };
         progress.stage(&format!("{} on all rows", candidates[chosen].name));
         let whole =
             if stopped { Err(Error::Cancelled(Cancelled)) } else { again(&shape, rows, &all, &training, progress) };

@@ -23,7 +23,7 @@ pub(super) struct Fitted {
 /// Units of some rows: those of the targets are deviations from the linear map, so that each counts alike; and the sums of that map.
 fn linear_sums(table: &Table, rows: &[usize]) -> Result<(Units, Statistic), Error> {
     let mut units = Units::measured(table, rows)?;
-    let shape = Shape { inputs: table.inputs(), hidden: vec![1], activation: Activation::Tanh };
+    let shape = Shape { inputs: table.inputs(), hidden: vec![1], activation: Activation::Tanh, window: None };
     let sums = |units: &Units| -> Result<Statistic, Error> {
         Ok(statistic(&shape, &shape.initial(0), &table.samples(rows, units), &Silent)?.linear())
     };
@@ -86,7 +86,8 @@ impl Fitted {
         let sums = match &self.hidden {
             Some((shape, parameters)) => statistic(shape, parameters, &samples, &Silent)?,
             None => {
-                let shape = Shape { inputs: table.inputs(), hidden: vec![1], activation: Activation::Tanh };
+                let shape =
+                    Shape { inputs: table.inputs(), hidden: vec![1], activation: Activation::Tanh, window: None };
                 statistic(&shape, &shape.initial(0), &samples, &Silent)?.linear()
             }
         };

@@ -15,7 +15,7 @@ pub(crate) fn samples(rows: usize) -> Samples {
 }
 
 fn shape(hidden: &[usize], activation: Activation) -> Shape {
-    Shape { inputs: 3, hidden: hidden.to_vec(), activation }
+    Shape { inputs: 3, hidden: hidden.to_vec(), activation, window: None }
 }
 
 /// The loss of all rows.

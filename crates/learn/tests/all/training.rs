@@ -18,7 +18,7 @@ fn rows(count: usize, inputs: usize, target: impl Fn(usize, &[f64]) -> f64) -> [
 }
 
 fn shape(inputs: usize, hidden: &[usize]) -> Shape {
-    Shape { inputs, hidden: hidden.to_vec(), activation: Activation::Tanh }
+    Shape { inputs, hidden: hidden.to_vec(), activation: Activation::Tanh, window: None }
 }
 
 fn trained(shape: &Shape, [fitted, held]: &[Samples; 2], how: &Training) -> Trained {
