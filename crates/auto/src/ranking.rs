@@ -235,6 +235,7 @@ fn coefficients(model: &Model) -> usize {
     }
     let hidden = networks.iter().map(|basis| match basis {
         Basis::Network(network) => network.numbers(),
+        Basis::Recurrent(cell) => cell.numbers(),
         Basis::Gaussian(_) => 0,
     });
     model.latents.iter().map(|latent| latent.map.parameters()).sum::<usize>() + hidden.sum::<usize>()

@@ -24,6 +24,7 @@ impl Lowering<'_> {
             None => Vec::new(),
             Some((Basis::Gaussian(gaussian), inputs)) => self.radial(index, group, gaussian, inputs),
             Some((Basis::Network(network), inputs)) => self.network(index, group, network, inputs),
+            Some((Basis::Recurrent(cell), inputs)) => self.recurrent(index, group, cell, inputs),
         }
     }
 
@@ -43,6 +44,9 @@ impl Lowering<'_> {
             }
             Some((Basis::Network(network), inputs)) => {
                 self.network_slopes((index, group), (network, inputs), entries, variables)
+            }
+            Some((Basis::Recurrent(cell), inputs)) => {
+                self.recurrent_slopes((index, group), (cell, inputs), entries, variables)
             }
         }
     }

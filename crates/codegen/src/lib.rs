@@ -50,6 +50,7 @@ mod plan;
 mod print;
 mod public;
 mod python;
+mod recurrent;
 mod rust;
 mod rust_syntax;
 mod step_jacobian;

@@ -8,7 +8,7 @@ use fleetfoot_data::{Column as DataColumn, Progress, Source, packed, packed_row}
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace, RowStatus};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{AffineMap, Latent, Model, Partition, Prediction, RegionSummary, Role, Training};
+use fleetfoot_model::{AffineMap, Basis, Latent, Model, Partition, Prediction, RegionSummary, Role, Training};
 use fleetfoot_recipe::{Derivative, PwaSection, Recipe, items};
 use fleetfoot_stats::{Gram, Grid, reduce};
 use fleetfoot_task::Task;
@@ -28,7 +28,7 @@ pub struct ImportedModel {
     pub inputs: Vec<String>,
     /// Target of each output of the network, in its order.
     pub outputs: Vec<String>,
-    /// Units of the hidden layers and their activation, `16-16 tanh`; `None` for an affine map.
+    /// Units of the hidden layers and their activation, `16-16 tanh`, or a cell and its units, `gru 16`; `None` for an affine map.
     pub hidden: Option<String>,
     /// Notes for the user.
     pub notes: Vec<String>,
@@ -73,7 +73,7 @@ pub fn import_network(
     let inputs: Vec<String> = library.iter().map(ToString::to_string).collect();
     let outputs = model.outputs();
     let network = read(path, &inputs, &outputs)?;
-    let hidden = network.hidden.as_ref().map(|hidden| format!("{} {}", hidden.sizes(), hidden.activation.name()));
+    let hidden = network.hidden.as_ref().map(words);
     model.method = format!("imported network {}", hidden.as_deref().unwrap_or("linear"));
     model.latents.iter_mut().zip(network.maps()).for_each(|(latent, map)| latent.map = map);
     match logs {
@@ -164,13 +164,32 @@ fn identity(count: usize) -> Vec<f64> {
     matrix
 }
 
+/// Hidden layers in words.
+fn words(hidden: &Basis) -> String {
+    match hidden {
+        Basis::Network(network) => format!("{} {}", network.sizes(), network.activation.name()),
+        Basis::Recurrent(cell) => format!("{} {}", cell.cell.name(), cell.count()),
+        Basis::Gaussian(_) => hidden.kind().into(),
+    }
+}
+
+/// The scale by which hidden layers standardise a function of the library.
+fn scale(hidden: &Basis, function: usize) -> Option<f64> {
+    let at = hidden.inputs().iter().position(|&input| input == function)?;
+    match hidden {
+        Basis::Network(network) => network.scale.get(at).copied(),
+        Basis::Recurrent(cell) => cell.scale.get(at % cell.columns()).copied(),
+        Basis::Gaussian(gaussian) => gaussian.scale.get(at).copied(),
+    }
+}
+
 /// Takes the variances of states by which the network standardises them.
 fn standardised(model: &mut Model, network: &OnnxNetwork) {
     let Some(hidden) = &network.hidden else { return };
     let states = model.columns.iter().filter(|column| column.role == Role::State);
     for (i, state) in states.enumerate() {
         let at = model.libraries[0].iter().position(|function| function.as_column() == Some(state.name.as_str()));
-        if let Some(scale) = at.and_then(|at| hidden.scale.get(at)) {
+        if let Some(scale) = at.and_then(|at| scale(hidden, at)) {
             model.training.state_covariance[packed(i, i)] = scale * scale;
         }
     }

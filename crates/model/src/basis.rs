@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use fleetfoot_library::Expr;
 
-use crate::{gaussian::Gaussian, map_array::MapArray, network::Network};
+use crate::{gaussian::Gaussian, map_array::MapArray, network::Network, recurrent::Recurrent};
 
 /// Definition of basis functions, for people: a sentence, and a table of the numbers of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +26,8 @@ pub enum Basis {
     Gaussian(Arc<Gaussian>),
     /// Units of the last hidden layer of a network.
     Network(Arc<Network>),
+    /// The last state of a recurrent cell.
+    Recurrent(Arc<Recurrent>),
 }
 
 impl Basis {
@@ -33,7 +35,7 @@ impl Basis {
     pub fn kind(&self) -> &'static str {
         match self {
             Basis::Gaussian(_) => "radial",
-            Basis::Network(_) => "network",
+            Basis::Network(_) | Basis::Recurrent(_) => "network",
         }
     }
 
@@ -41,7 +43,7 @@ impl Basis {
     pub fn is_summed_up(&self) -> bool {
         match self {
             Basis::Gaussian(_) => false,
-            Basis::Network(_) => true,
+            Basis::Network(_) | Basis::Recurrent(_) => true,
         }
     }
 
@@ -53,6 +55,7 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => gaussian.check(functions),
             Basis::Network(network) => network.check(functions),
+            Basis::Recurrent(recurrent) => recurrent.check(functions),
         }
     }
 
@@ -61,6 +64,7 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => gaussian.arrays(),
             Basis::Network(network) => network.arrays(),
+            Basis::Recurrent(recurrent) => recurrent.arrays(),
         }
     }
 
@@ -69,6 +73,7 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => gaussian.count(),
             Basis::Network(network) => network.count(),
+            Basis::Recurrent(recurrent) => recurrent.count(),
         }
     }
 
@@ -77,6 +82,7 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => &gaussian.inputs,
             Basis::Network(network) => &network.inputs,
+            Basis::Recurrent(recurrent) => &recurrent.inputs,
         }
     }
 
@@ -85,6 +91,7 @@ impl Basis {
         match self {
             Basis::Gaussian(_) => Gaussian::name(index),
             Basis::Network(_) => Network::name(index),
+            Basis::Recurrent(_) => Recurrent::name(index),
         }
     }
 
@@ -94,6 +101,7 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => gaussian.evaluate(inputs, values),
             Basis::Network(network) => network.evaluate(inputs, values),
+            Basis::Recurrent(recurrent) => recurrent.evaluate(inputs, values),
         }
     }
 
@@ -102,6 +110,7 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => gaussian.gradient(inputs, values, weights, slopes),
             Basis::Network(network) => network.gradient(inputs, values, weights, slopes),
+            Basis::Recurrent(recurrent) => recurrent.gradient(inputs, weights, slopes),
         }
     }
 
@@ -110,22 +119,25 @@ impl Basis {
         match self {
             Basis::Gaussian(gaussian) => gaussian.tangent(inputs, values, change, out),
             Basis::Network(network) => network.tangent(inputs, values, change, out),
+            Basis::Recurrent(recurrent) => recurrent.tangent(inputs, change, out),
         }
     }
 
-    /// A basis function written out over the columns; `library` are the functions of the latent's library.
+    /// A basis function written out over the columns; `library` are the functions of the latent's library. `None` for units of a cell: their text doubles in length at
+    /// every step.
     pub fn expression(&self, index: usize, library: &[Expr]) -> Option<Expr> {
         let inputs: Option<Vec<Expr>> = self.inputs().iter().map(|&input| library.get(input).cloned()).collect();
         match self {
             Basis::Gaussian(gaussian) => Some(gaussian.expression(index, &inputs?)),
             Basis::Network(network) => Some(network.expression(index, &inputs?)),
+            Basis::Recurrent(_) => None,
         }
     }
 
     /// Definition of these functions, for people; `library`: functions of the latent's library.
     pub fn definition(&self, library: &[Expr]) -> Definition {
         let name = |&input: &usize| library.get(input).map_or_else(String::new, Expr::to_string);
-        let head: Vec<String> = self.inputs().iter().map(name).collect();
+        let mut head: Vec<String> = self.inputs().iter().map(name).collect();
         let names = || (0..self.count()).map(|index| self.name(index));
         match self {
             Basis::Gaussian(gaussian) => {
@@ -154,6 +166,18 @@ impl Basis {
                 ),
                 rows: vec![("centre".into(), network.centre.clone()), ("scale".into(), network.scale.clone())],
                 head,
+            },
+            Basis::Recurrent(recurrent) => Definition {
+                text: format!(
+                    "network: the weighted sum of {} units, the last state of a recurrent cell ({}) over {} rows of standardised inputs, {} numbers in it; centre and scale of the inputs",
+                    recurrent.count(),
+                    recurrent.cell.name(),
+                    recurrent.steps(),
+                    recurrent.numbers()
+                ),
+                rows: vec![("centre".into(), recurrent.centre.clone()), ("scale".into(), recurrent.scale.clone())],
+                // The columns of the last step name those of all.
+                head: head.split_off(head.len() - recurrent.columns()),
             },
         }
     }

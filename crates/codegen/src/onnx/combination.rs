@@ -1,6 +1,6 @@
 //! Values inside a network: affine combinations of its inputs and of the units of a hidden layer.
 
-use fleetfoot_model::{Activation, DenseLayer};
+use fleetfoot_model::{Activation, DenseLayer, Recurrent};
 
 /// Matrix by rows.
 pub(super) type Rows = Vec<Vec<f64>>;
@@ -45,6 +45,25 @@ pub(super) struct Hidden {
     pub(super) is_framed: bool,
     pub(super) activation: Option<Activation>,
     pub(super) layers: Vec<DenseLayer>,
+    /// The recurrent cell that stands in place of layers.
+    pub(super) cell: Option<Recurrent>,
+}
+
+impl Hidden {
+    /// Layers so far; a cell is one.
+    fn depth(&self) -> usize {
+        if self.cell.is_some() { 1 } else { self.layers.len() }
+    }
+}
+
+/// Columns of the steps that a cell reads.
+pub(super) struct Window {
+    /// Input of every step and column, step by step.
+    pub(super) inputs: Vec<usize>,
+    /// Centre and scale of every column, and 1, or -1 if the network has it negative.
+    pub(super) centre: Vec<f64>,
+    pub(super) scale: Vec<f64>,
+    pub(super) signs: Vec<f64>,
 }
 
 impl Combination {
@@ -52,6 +71,41 @@ impl Combination {
     pub(super) fn inputs(count: usize) -> Self {
         let inputs = Inputs::Standardised { centre: vec![0.0; count], scale: vec![1.0; count] };
         Self { constants: vec![0.0; count], inputs, depth: 0, units: Vec::new() }
+    }
+
+    /// The units of the first hidden layer.
+    pub(super) fn units(count: usize) -> Self {
+        let units = (0..count).map(|i| (0..count).map(|k| f64::from(i == k)).collect()).collect();
+        Self { constants: vec![0.0; count], inputs: Inputs::None, depth: 1, units }
+    }
+
+    /// Its values as columns of steps, each a scaled and shifted input.
+    ///
+    /// # Errors
+    /// Another combination, or another scale or shift in another step, in words.
+    pub(super) fn window(self, columns: usize, hidden: &Hidden) -> Result<Window, String> {
+        let mixed = "a column of its steps is no single input; only standardised inputs are read";
+        let plain = self.plain(&hidden.frame);
+        let Inputs::Plain(weights) = &plain.inputs else { return Err(mixed.into()) };
+        let single = |row: &Vec<f64>| {
+            let mut read = row.iter().copied().enumerate().filter(|(_, weight)| *weight != 0.0);
+            read.next().filter(|_| read.next().is_none())
+        };
+        let read: Option<Vec<(usize, f64)>> = weights.iter().map(single).collect();
+        let read = read.filter(|_| plain.units.is_empty()).ok_or(mixed)?;
+        let (first, constants) = (&read[..columns], &plain.constants[..columns]);
+        let is_shared = read.chunks(columns).zip(plain.constants.chunks(columns)).all(|(step, others)| {
+            others == constants && step.iter().zip(first).all(|((_, weight), (_, known))| weight == known)
+        });
+        if !is_shared {
+            return Err("its steps are standardised differently; use one centre and scale of a column".into());
+        }
+        Ok(Window {
+            inputs: read.iter().map(|(input, _)| *input).collect(),
+            centre: first.iter().zip(constants).map(|((_, weight), constant)| -constant / weight).collect(),
+            scale: first.iter().map(|(_, weight)| 1.0 / weight.abs()).collect(),
+            signs: first.iter().map(|(_, weight)| weight.signum()).collect(),
+        })
     }
 
     /// Number of values.
@@ -198,6 +252,9 @@ impl Combination {
                 "its activation differs from that of the layers before it; export a network of one activation".into()
             );
         }
+        if hidden.cell.is_some() {
+            return Err("it stands beside or behind a recurrent cell, whose state only the outputs may read".into());
+        }
         let mut sums = match &self.inputs {
             Inputs::Standardised { .. } => self.plain(&None),
             _ => self,
@@ -237,7 +294,7 @@ impl Combination {
     /// It reads another hidden layer; in words.
     pub(super) fn parts(self, inputs: usize, hidden: &Hidden) -> Result<(Vec<f64>, Rows, Rows), String> {
         let plain = self.plain(&hidden.frame);
-        let depth = hidden.layers.len();
+        let depth = hidden.depth();
         if depth > 0 && (plain.units.is_empty() || plain.depth != depth) {
             return Err("the output does not read the last hidden layer".into());
         }

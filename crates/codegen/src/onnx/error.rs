@@ -4,7 +4,7 @@
 pub(super) const OPERATORS: &str =
     "Gemm, MatMul, Add, Sub, Mul, Div, Relu, Tanh, Sigmoid, Softplus, Identity, Constant, Cast, Flatten, Reshape";
 
-/// Why an ONNX file cannot be read as a feed-forward network.
+/// Why an ONNX file cannot be read as a network.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OnnxError {
@@ -22,7 +22,7 @@ pub enum OnnxError {
         /// The most that are read.
         most: u64,
     },
-    /// The graph as a whole has a part that feed-forward networks do not have.
+    /// The graph as a whole has a part that these networks do not have.
     #[error("{0}")]
     Graph(String),
     /// An operator that is not read.
@@ -33,7 +33,7 @@ pub enum OnnxError {
         /// The operator.
         operator: String,
     },
-    /// A node that is not a part of a feed-forward network.
+    /// A node that is not a part of such a network.
     #[error("node `{node}` ({operator}): {problem}")]
     Node {
         /// The node's name, else its output.

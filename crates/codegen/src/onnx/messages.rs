@@ -9,6 +9,8 @@ pub(super) const DOUBLE: i32 = 11;
 
 /// Type of an attribute that is an integer.
 pub(super) const ATTRIBUTE_INT: i32 = 2;
+/// Type of an attribute that is a list of integers.
+pub(super) const ATTRIBUTE_INTS: i32 = 7;
 
 #[derive(Clone, PartialEq, prost::Message)]
 pub(super) struct ModelProto {
@@ -82,6 +84,8 @@ pub(super) struct AttributeProto {
     pub(super) f: f32,
     #[prost(int64, tag = "3")]
     pub(super) i: i64,
+    #[prost(bytes = "vec", tag = "4")]
+    pub(super) s: Vec<u8>,
     /// Boxed, so that files of many empty attributes take little memory.
     #[prost(message, optional, boxed, tag = "5")]
     pub(super) t: Option<Box<TensorProto>>,
@@ -89,6 +93,8 @@ pub(super) struct AttributeProto {
     pub(super) floats: Vec<f32>,
     #[prost(int64, repeated, tag = "8")]
     pub(super) ints: Vec<i64>,
+    #[prost(bytes = "vec", repeated, tag = "9")]
+    pub(super) strings: Vec<Vec<u8>>,
     #[prost(int32, tag = "20")]
     pub(super) kind: i32,
 }
@@ -151,4 +157,11 @@ pub(super) struct DimensionProto {
     pub(super) dim_value: i64,
     #[prost(string, tag = "2")]
     pub(super) dim_param: String,
+}
+
+impl NodeProto {
+    /// An attribute by its name.
+    pub(super) fn get(&self, name: &str) -> Option<&AttributeProto> {
+        self.attribute.iter().find(|attribute| attribute.name == name)
+    }
 }

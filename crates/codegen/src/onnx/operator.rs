@@ -7,16 +7,11 @@ use fleetfoot_model::Activation;
 use super::{
     combination::{Combination, Elementwise, Hidden},
     error::OnnxError,
-    messages::{AttributeProto, DOUBLE, FLOAT, NodeProto},
+    messages::{DOUBLE, FLOAT, NodeProto},
+    sequence,
     tensor::Constant,
+    value::Value,
 };
-
-/// A value of the graph.
-#[derive(Debug, Clone)]
-pub(super) enum Value {
-    Constant(Rc<Constant>),
-    Computed(Combination),
-}
 
 /// Context of a node.
 pub(super) struct Graph {
@@ -46,6 +41,12 @@ fn attributes_of(operator: &str) -> Option<&'static [&'static str]> {
         "Cast" => &["to", "saturate"],
         "Flatten" => &["axis"],
         "Reshape" => &["allowzero"],
+        "Gather" => &["axis"],
+        "Transpose" => &["perm"],
+        "Squeeze" => &["axes"],
+        "RNN" | "GRU" | "LSTM" => {
+            &["hidden_size", "direction", "activations", "layout", "linear_before_reset", "input_forget"]
+        }
         "MatMul" | "Add" | "Sub" | "Mul" | "Div" | "Relu" | "Tanh" | "Sigmoid" | "Softplus" | "Identity" => &[],
         _ => return None,
     })
@@ -65,13 +66,10 @@ pub(super) fn check(node: &NodeProto) -> Result<(), OnnxError> {
         return Err(problem_of(node, format!("the attribute `{}` is not supported", unknown.name)));
     }
     match node.output.as_slice() {
+        _ if sequence::cell_of(&node.op_type).is_some() => Ok(()),
         [output] if !output.is_empty() => Ok(()),
         outputs => Err(problem_of(node, format!("{} outputs, where the operator has one", outputs.len()))),
     }
-}
-
-fn attribute<'a>(node: &'a NodeProto, name: &str) -> Option<&'a AttributeProto> {
-    node.attribute.iter().find(|attribute| attribute.name == name)
 }
 
 /// The value of a node, whose operator was checked, from those of its inputs.
@@ -79,11 +77,12 @@ fn attribute<'a>(node: &'a NodeProto, name: &str) -> Option<&'a AttributeProto> 
 /// # Errors
 /// The problem, in words.
 pub(super) fn apply(node: &NodeProto, mut inputs: Vec<Value>, graph: &mut Graph) -> Result<Value, String> {
-    let integer = |name: &str, default: i64| attribute(node, name).map_or(default, |attribute| attribute.i);
+    let integer = |name: &str, default: i64| node.get(name).map_or(default, |attribute| attribute.i);
     let expected = match node.op_type.as_str() {
         "Constant" => 0..=0,
         "Gemm" => 2..=3,
-        "MatMul" | "Add" | "Sub" | "Mul" | "Div" | "Reshape" => 2..=2,
+        "MatMul" | "Add" | "Sub" | "Mul" | "Div" | "Reshape" | "Gather" => 2..=2,
+        "Squeeze" => 1..=2,
         _ => 1..=1,
     };
     if !expected.contains(&inputs.len()) {
@@ -92,13 +91,17 @@ pub(super) fn apply(node: &NodeProto, mut inputs: Vec<Value>, graph: &mut Graph)
     if node.op_type == "Constant" {
         return constant(node).map(|constant| Value::Constant(Rc::new(constant)));
     }
-    let first = inputs.remove(0);
+    let first = match inputs.remove(0) {
+        Value::Sequence(sequence) => return sequence.apply(node, &inputs),
+        first => first,
+    };
     match node.op_type.as_str() {
         "Gemm" => gemm(node, first, inputs, graph),
         "MatMul" => match (first, inputs.remove(0)) {
             (Value::Computed(left), Value::Constant(right)) => times(left, &right, false, graph).map(Value::Computed),
             (Value::Computed(_), Value::Computed(_)) => Err("it multiplies two computed values".into()),
-            (Value::Constant(_), _) => Err("a constant stands on the left; weights stand on the right".into()),
+            (_, Value::Sequence(_)) => Err("it multiplies steps".into()),
+            (_, _) => Err("a constant stands on the left; weights stand on the right".into()),
         },
         "Add" => elementwise(Elementwise::Add, first, inputs.remove(0), graph),
         "Sub" => elementwise(Elementwise::Sub, first, inputs.remove(0), graph),
@@ -116,6 +119,11 @@ pub(super) fn apply(node: &NodeProto, mut inputs: Vec<Value>, graph: &mut Graph)
             (1 | -1, Value::Computed(value)) => Ok(Value::Computed(value)),
             (axis, _) => Err(format!("axis {axis} changes the shape; only a Flatten that changes nothing is read")),
         },
+        "Gather" => match first {
+            Value::Computed(value) => sequence::gathered(node, value, &inputs.remove(0), &mut graph.hidden),
+            _ => Err("it reads a constant; export the network with constants folded".into()),
+        },
+        "Transpose" | "Squeeze" => Err("it changes the dimensions of rows; only those of steps are changed".into()),
         "Reshape" => reshaped(first, &inputs.remove(0), integer("allowzero", 0) == 0, graph.batch),
         // Identity, and a Cast from float to float.
         _ => Ok(first),
@@ -145,8 +153,8 @@ fn constant(node: &NodeProto) -> Result<Constant, String> {
 
 /// `alpha A B + beta C`, where B and C are constants.
 fn gemm(node: &NodeProto, left: Value, mut others: Vec<Value>, graph: &mut Graph) -> Result<Value, String> {
-    let integer = |name: &str| attribute(node, name).map_or(0, |attribute| attribute.i);
-    let float = |name: &str| attribute(node, name).map_or(1.0, |attribute| f64::from(attribute.f));
+    let integer = |name: &str| node.get(name).map_or(0, |attribute| attribute.i);
+    let float = |name: &str| node.get(name).map_or(1.0, |attribute| f64::from(attribute.f));
     let (alpha, beta) = (float("alpha"), float("beta"));
     if !(alpha.is_finite() && beta.is_finite()) {
         return Err(format!("alpha {alpha}, beta {beta}; both must be finite"));
@@ -164,7 +172,9 @@ fn gemm(node: &NodeProto, left: Value, mut others: Vec<Value>, graph: &mut Graph
     }
     match others.pop() {
         None => Ok(Value::Computed(value)),
-        Some(Value::Computed(_)) => Err("its third input is computed; only constant biases are read".into()),
+        Some(Value::Computed(_) | Value::Sequence(_)) => {
+            Err("its third input is computed; only constant biases are read".into())
+        }
         Some(Value::Constant(biases)) => {
             let row = row_of(&biases, value.width())?.into_iter().map(|bias| beta * bias).collect::<Vec<f64>>();
             Ok(Value::Computed(value.with_row(Elementwise::Add, &row)))
@@ -223,6 +233,9 @@ fn elementwise(operation: Elementwise, left: Value, right: Value, graph: &Graph)
             }
             left.plus(sign, right, &graph.hidden)?
         }
+        (_, Value::Sequence(_)) | (Value::Sequence(_), _) => {
+            return Err("it computes with steps, which only a recurrent cell reads".into());
+        }
         (Value::Constant(_), Value::Constant(_)) => {
             return Err("it computes with constants alone; export the network with constants folded".into());
         }
@@ -233,7 +246,7 @@ fn elementwise(operation: Elementwise, left: Value, right: Value, graph: &Graph)
 fn activated(value: Value, activation: Activation, is_sigmoid: bool, graph: &mut Graph) -> Result<Value, String> {
     match value {
         Value::Computed(sums) => sums.activated(activation, is_sigmoid, &mut graph.hidden).map(Value::Computed),
-        Value::Constant(_) => Err("it reads a constant".into()),
+        _ => Err("it reads a constant".into()),
     }
 }
 
@@ -242,6 +255,10 @@ fn reshaped(value: Value, shape: &Value, copies_zero: bool, batch: Option<i64>) 
     let (Value::Computed(value), Value::Constant(shape)) = (value, shape) else {
         return Err("only a computed value of a constant shape is read".into());
     };
+    if shape.dims == [3] {
+        let text = format!("the shape {:?} for rows of {} values", shape.values, value.width());
+        return sequence::windowed(value, shape, batch).ok_or(text);
+    }
     let kept = |dim: f64| dim == 0.0 && copies_zero;
     let is_same = match shape.values.as_slice() {
         &[rows, columns] => {

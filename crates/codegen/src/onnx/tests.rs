@@ -1,6 +1,8 @@
 //! Graphs built by hand, against the formulas that they compute.
 
-use fleetfoot_model::Activation;
+use std::sync::Arc;
+
+use fleetfoot_model::{Activation, Basis, Network};
 use proptest::prelude::*;
 use prost::Message;
 
@@ -38,6 +40,14 @@ impl Net {
         let raw_data = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         let tensor =
             TensorProto { name: name.into(), dims: dims.to_vec(), data_type: DOUBLE, raw_data, ..Default::default() };
+        self.graph().initializer.push(tensor);
+        self
+    }
+
+    /// Whole numbers.
+    fn integers(mut self, name: &str, values: &[i64]) -> Self {
+        let (dims, int64_data) = (vec![values.len() as i64], values.to_vec());
+        let tensor = TensorProto { name: name.into(), dims, data_type: INT64, int64_data, ..Default::default() };
         self.graph().initializer.push(tensor);
         self
     }
@@ -90,6 +100,14 @@ fn close(actual: &[f64], expected: &[f64]) {
     }
 }
 
+/// The hidden layers of a graph.
+fn dense(net: &Net) -> Arc<Network> {
+    match net.read().unwrap().hidden {
+        Some(Basis::Network(network)) => network,
+        other => panic!("{other:?}"),
+    }
+}
+
 const X: [f64; 2] = [0.3, -1.7];
 
 /// Weights 2 x 3, by rows, of networks below; biases and output weights.
@@ -130,7 +148,7 @@ fn activations_match_their_formulas() {
     for (operator, formula) in formulas {
         let net = layer(Net::new(2, 1).node("Identity", &["x"], "z"), operator);
         close(&net.at(&X), &[output(sums(X).map(formula))]);
-        assert_eq!(net.read().unwrap().hidden.unwrap().sizes(), "3");
+        assert_eq!(dense(&net).sizes(), "3");
     }
 }
 
@@ -145,7 +163,7 @@ fn standardisation_is_kept_apart() {
     let net = layer(net, "Tanh");
     let z = [0, 1].map(|i| (X[i] - centre[i]) / scale[i]);
     close(&net.at(&X), &[output(sums(z).map(f64::tanh))]);
-    let hidden = net.read().unwrap().hidden.unwrap();
+    let hidden = dense(&net);
     assert_eq!((hidden.centre.clone(), hidden.scale.clone()), (centre.to_vec(), scale.to_vec()));
     assert_eq!(hidden.layers[0].weights[1], [W[1], W[4]]);
 }
@@ -359,4 +377,81 @@ proptest! {
             prop_assert!((actual - expected).abs() < 1e-12, "{actual} {expected}");
         }
     }
+}
+
+/// A GRU of one unit over two rows of one column, whose state is the output; `change` alters it.
+fn gru(change: impl Fn(Net) -> Net) -> Net {
+    let net = Net::new(2, 1)
+        .weight("W", &[1, 3, 1], &[0.5, -1.0, 2.0])
+        .weight("R", &[1, 3, 1], &[0.25, 1.5, -0.75])
+        .weight("B", &[1, 6], &[0.1, -0.2, 0.3, 0.4, 0.0, -0.5])
+        .integers("steps", &[-1, 2, 1])
+        .integers("flat", &[-1, 1])
+        .node("Reshape", &["x", "steps"], "rows")
+        .node("Transpose", &["rows"], "window")
+        .with(AttributeProto { name: "perm".into(), ints: vec![1, 0, 2], kind: ATTRIBUTE_INTS, ..Default::default() })
+        .node("GRU", &["window", "W", "R", "B"], "all");
+    let mut net = change(net.integer("linear_before_reset", 1));
+    if let Some(node) = net.graph().node.last_mut() {
+        node.output.push("state".into());
+    }
+    net.node("Reshape", &["state", "flat"], "y")
+}
+
+#[test]
+fn state_of_a_cell_is_the_output() {
+    // Gates of ONNX: update, reset, candidate. The columns of x are the steps, the first of which is the oldest here.
+    let logistic = |z: f64| 1.0 / (1.0 + (-z).exp());
+    let state = X.iter().fold(0.0, |h, x| {
+        let [update, reset] = [logistic(0.5 * x + 0.25 * h + 0.5), logistic(-x + 1.5 * h - 0.2)];
+        (1.0 - update) * (2.0 * x + 0.3 + reset * (-0.75 * h - 0.5)).tanh() + update * h
+    });
+    close(&gru(|net| net).at(&X), &[state]);
+}
+
+#[test]
+fn other_cells_are_refused_by_node() {
+    let text = |name: &str, s: &str| AttributeProto { name: name.into(), s: s.into(), kind: 3, ..Default::default() };
+    gru(|net| net.with(text("direction", "reverse"))).refused(&["`the_all`", "reverse", "forward"]);
+    gru(|net| net.integer("layout", 1)).refused(&["`the_all`", "layout"]);
+    let strings = vec![b"Relu".to_vec(), b"Tanh".to_vec()];
+    let relu = AttributeProto { name: "activations".into(), strings, kind: 8, ..Default::default() };
+    gru(|net| net.with(relu.clone())).refused(&["`the_all`", "Relu", "Sigmoid"]);
+    let before = |mut net: Net| {
+        net.graph().node.last_mut().expect("a node").attribute.clear();
+        net
+    };
+    gru(before).refused(&["`the_all`", "before the product", "linear_before_reset = 1"]);
+    let replace = |at: usize, name: &'static str| {
+        move |mut net: Net| {
+            net.graph().node.last_mut().expect("a node").input[at] = name.into();
+            net
+        }
+    };
+    gru(replace(0, "x")).refused(&["`the_all`", "no steps"]);
+    gru(replace(0, "rows")).refused(&["`the_all`", "steps, rows, columns"]);
+    gru(replace(1, "B")).refused(&["`the_all`", "weights of the shapes"]);
+    gru(replace(3, "steps")).refused(&["`the_all`", "lengths of sequences"]);
+    gru(|net| net.weight("h0", &[1, 1, 1], &[0.5])).at(&X);
+    let begun = |mut net: Net| {
+        net = net.weight("h0", &[1, 1, 1], &[0.5]);
+        net.graph().node.last_mut().expect("a node").input.push("h0".into());
+        net
+    };
+    gru(begun).refused(&["`the_all`", "states of zero"]);
+    // Steps that are scaled by different numbers, and a column that mixes inputs.
+    let scaled = |values: [f64; 2]| {
+        move |mut net: Net| {
+            net = net.weight("unit", &[2], &values);
+            let mut mul = net.graph().node[0].clone();
+            (mul.op_type, mul.input, mul.output) = ("Mul".into(), vec!["x".into(), "unit".into()], vec!["z".into()]);
+            net.graph().node[0].input[0] = "z".into();
+            net.graph().node.insert(0, mul);
+            net
+        }
+    };
+    gru(scaled([-2.0, -2.0])).at(&X);
+    gru(scaled([1.0, 3.0])).refused(&["`the_all`", "standardised differently"]);
+    // Behind a cell only the outputs stand.
+    gru(|net| net).node("Tanh", &["y"], "z").refused(&["`the_z`", "recurrent cell"]);
 }

@@ -1,9 +1,7 @@
 //! A model whose maps are one network, as an ONNX file.
 
-use std::sync::Arc;
-
 use fleetfoot_library::{Expr, Node};
-use fleetfoot_model::{Activation, Basis, Latent, Map, Model, Network};
+use fleetfoot_model::{Activation, Basis, Latent, Model, Network};
 use prost::Message;
 
 use super::messages::{
@@ -26,19 +24,19 @@ const OPERATORS: i64 = 13;
 pub(crate) fn file(model: &Model, options: &ExportOptions) -> Result<ExportedFile, ExportError> {
     let latents = latents(model)?;
     let library = library(model, &latents)?;
-    let network = network(&latents)?;
+    let basis = basis(&latents)?;
     let mut graph = Writer { graph: GraphProto::default(), precision: options.precision };
     let (inputs, outputs) = (library.len(), latents.len());
     let linear = latents.iter().flat_map(|latent| (0..inputs).map(|j| latent.map.coefficient(0, j)));
     graph.tensor("linear_weights", &[outputs, inputs], linear.collect())?;
     graph.tensor("constants", &[outputs], latents.iter().map(|latent| latent.map.constant(0)).collect())?;
-    graph.gemm(["x", "linear_weights", "constants"], if network.is_some() { "linear" } else { "y" });
-    if let Some(network) = network {
-        graph.hidden(&network, inputs)?;
-        let units = network.count();
+    graph.gemm(["x", "linear_weights", "constants"], if basis.is_some() { "linear" } else { "y" });
+    if let Some(basis) = basis {
+        let layers = graph.basis(&basis, inputs)?;
+        let units = basis.count();
         let weights = latents.iter().flat_map(|latent| (0..units).map(|k| latent.map.coefficient(0, inputs + k)));
         graph.tensor("output_weights", &[outputs, units], weights.collect())?;
-        graph.gemm([&format!("units{}", network.layers.len()), "output_weights"], "corrections");
+        graph.gemm([&format!("units{layers}"), "output_weights"], "corrections");
         graph.node("Add", ["linear", "corrections"], "y");
     }
     let mut graph = graph.graph;
@@ -113,39 +111,30 @@ fn library<'a>(model: &'a Model, latents: &[&Latent]) -> Result<&'a [Expr], Expo
     }
 }
 
-/// The hidden layers that the latents share; `None` if all are affine.
-fn network(latents: &[&Latent]) -> Result<Option<Arc<Network>>, ExportError> {
-    let mut shared: Option<(&Latent, Arc<Network>)> = None;
+/// The hidden layers or the cell that the latents share; `None` if all are affine.
+fn basis(latents: &[&Latent]) -> Result<Option<Basis>, ExportError> {
+    let mut shared: Option<(&Latent, Basis)> = None;
     for latent in latents {
-        let network = match &latent.map {
-            Map::Basis(map) => match &map.basis {
-                Basis::Network(network) => network,
-                Basis::Gaussian(_) => {
-                    let text = format!("the radial functions of {}", latent.name);
-                    return Err(unwritable(text, "fit a network, or export the model as C"));
-                }
-            },
-            _ => continue,
-        };
+        let Some(basis) = latent.map.basis() else { continue };
         match &shared {
-            None => shared = Some((latent, network.clone())),
-            Some((_, known)) if known == network => {}
+            None => shared = Some((latent, basis)),
+            Some((_, known)) if *known == basis => {}
             Some((first, _)) => {
                 let text = format!("the network of {}, which is not that of {}", latent.name, first.name);
                 return Err(unwritable(text, "fit the equations together"));
             }
         }
     }
-    Ok(shared.map(|(_, network)| network))
+    Ok(shared.map(|(_, basis)| basis))
 }
 
-struct Writer {
-    graph: GraphProto,
+pub(super) struct Writer {
+    pub(super) graph: GraphProto,
     precision: Precision,
 }
 
 impl Writer {
-    fn tensor(&mut self, name: &str, dims: &[usize], values: Vec<f64>) -> Result<(), ExportError> {
+    pub(super) fn tensor(&mut self, name: &str, dims: &[usize], values: Vec<f64>) -> Result<(), ExportError> {
         let mut raw_data = Vec::with_capacity(values.len() * self.precision.bytes());
         for value in values {
             if !value.is_finite() {
@@ -171,7 +160,7 @@ impl Writer {
         Ok(())
     }
 
-    fn node<const N: usize>(&mut self, operator: &str, inputs: [&str; N], output: &str) {
+    pub(super) fn node<const N: usize>(&mut self, operator: &str, inputs: [&str; N], output: &str) {
         self.graph.node.push(NodeProto {
             input: inputs.map(str::to_owned).to_vec(),
             output: vec![output.into()],
@@ -184,8 +173,29 @@ impl Writer {
     /// `a B' + c` of the inputs a, B and c.
     fn gemm<const N: usize>(&mut self, inputs: [&str; N], output: &str) {
         self.node("Gemm", inputs, output);
-        let transposed = AttributeProto { name: "transB".into(), i: 1, kind: ATTRIBUTE_INT, ..Default::default() };
-        self.graph.node.last_mut().into_iter().for_each(|node| node.attribute.push(transposed.clone()));
+        self.attribute(AttributeProto { name: "transB".into(), i: 1, kind: ATTRIBUTE_INT, ..Default::default() });
+    }
+
+    /// Gives the last node an attribute.
+    pub(super) fn attribute(&mut self, attribute: AttributeProto) {
+        if let Some(node) = self.graph.node.last_mut() {
+            node.attribute.push(attribute);
+        }
+    }
+
+    /// The nodes of a basis; gives the number N of the layer whose units are `unitsN`.
+    fn basis(&mut self, basis: &Basis, inputs: usize) -> Result<usize, ExportError> {
+        match basis {
+            Basis::Network(network) => {
+                self.hidden(network, inputs)?;
+                Ok(network.layers.len())
+            }
+            Basis::Recurrent(cell) => {
+                self.cell(cell)?;
+                Ok(1)
+            }
+            Basis::Gaussian(_) => Err(unwritable("radial functions", "fit a network, or export the model as C")),
+        }
     }
 
     /// Standardised inputs and all hidden layers, whose last units are `unitsN`.

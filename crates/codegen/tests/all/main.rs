@@ -10,4 +10,5 @@ mod filter;
 #[path = "../../../model/tests/all/models.rs"]
 mod models;
 mod onnx;
+mod recurrent;
 mod transitions;

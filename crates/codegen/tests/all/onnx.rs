@@ -2,7 +2,7 @@
 
 use fleetfoot_codegen::{ExportError, ExportOptions, OnnxNetwork, Precision, Target, export};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Activation, Map, Model, Rule};
+use fleetfoot_model::{Activation, Cell, Map, Model, Rule};
 
 use crate::models;
 
@@ -50,6 +50,25 @@ fn written_networks_read_back() {
                 for (map, latent) in maps.iter().zip(&model.latents) {
                     let (actual, expected) = (map.value(0, &row), latent.map.value(0, &row));
                     assert!((actual - expected).abs() < room, "{activation:?} {precision:?}: {actual} {expected}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn written_cells_read_back() {
+    for cell in Cell::ALL {
+        let model = models::recurrent(cell);
+        for (precision, room) in [(Precision::Double, 1e-13), (Precision::Float, 1e-5)] {
+            let file = written(&model, precision).expect("a network");
+            let network = OnnxNetwork::read(&file, &names(7), &names(2)).unwrap_or_else(|error| panic!("{error}"));
+            for row in 0..50u64 {
+                let draw = |at: u64| (fleetfoot_data::mix(7 * row + at) >> 11) as f64 / (1u64 << 51) as f64 - 2.0;
+                let row: Vec<f64> = (0..7).map(draw).collect();
+                for (map, latent) in network.maps().iter().zip(&model.latents) {
+                    let (actual, expected) = (map.value(0, &row), latent.map.value(0, &row));
+                    assert!((actual - expected).abs() < room, "{cell:?} {precision:?}: {actual} {expected}");
                 }
             }
         }
@@ -112,20 +131,32 @@ fn models_beyond_networks_are_refused_by_name() {
 
 #[test]
 fn damaged_networks_do_no_harm() {
-    let whole: Vec<u8> = [3, 2]
-        .into_iter()
-        .chain(written(&network(Activation::Softplus), Precision::Float).expect("a network"))
-        .collect();
+    let file = written(&network(Activation::Softplus), Precision::Float).expect("a network");
+    let refused = refused_damages([3, 2], file);
+    // Most cuts lose the graph's shape; most bits are those of weights.
+    assert!((60..200).contains(&refused), "{refused}");
+}
+
+#[test]
+fn damaged_cells_do_no_harm() {
+    for cell in Cell::ALL {
+        let file = written(&models::recurrent(cell), Precision::Float).expect("a cell");
+        let refused = refused_damages([7, 2], file);
+        assert!((60..200).contains(&refused), "{cell:?} {refused}");
+    }
+}
+
+/// Of 200 damages of a file with so many inputs and outputs, how many are refused; none does harm.
+fn refused_damages(sizes: [u8; 2], file: Vec<u8>) -> usize {
+    let whole: Vec<u8> = sizes.into_iter().chain(file).collect();
     assert!(body::run(&whole));
-    let mut refused = 0;
-    for case in 0..200u64 {
+    let refused = |case: u64| {
         let (mut bytes, draw) = (whole.clone(), fleetfoot_data::mix(case + 1) as usize);
         match case % 2 {
             0 => bytes.truncate(2 + draw % (whole.len() - 2)),
             _ => bytes[2 + draw % (whole.len() - 2)] ^= 1 << (draw >> 40 & 7),
         }
-        refused += usize::from(!body::run(&bytes));
-    }
-    // Most cuts lose the graph's shape; most bits are those of weights.
-    assert!((60..200).contains(&refused), "{refused}");
+        !body::run(&bytes)
+    };
+    (0..200).filter(|case| refused(*case)).count()
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Real, Reals, floats, reals, rows};
-use crate::{Activation, AffineMap, Basis, BasisMap, DenseLayer, Gaussian, Latent, Map, Network};
+use crate::{Activation, AffineMap, Basis, BasisMap, Cell, DenseLayer, Gaussian, Latent, Map, Network, Recurrent};
 
 /// A latent of any kind: constants and coefficients, then the numbers that only another kind has.
 #[derive(Serialize, Deserialize)]
@@ -36,15 +36,17 @@ struct RadialText {
     weights: Vec<Reals>,
 }
 
-/// Hidden layers of a network with the weights of its last units, one row a region.
+/// Hidden layers of a network, or its recurrent cell, with the weights of its last units, one row a region.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct NetworkText {
-    /// The latent before this one, by its index, that has the same hidden layers; they are not repeated.
+    /// The latent before this one, by its index, that has the same hidden layers or cell; they are not repeated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     of: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     hidden: Option<HiddenText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cell: Option<CellText>,
     weights: Vec<Reals>,
 }
 
@@ -56,6 +58,21 @@ struct HiddenText {
     scale: Reals,
     activation: String,
     layers: Vec<LayerText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CellText {
+    kind: String,
+    /// Functions of the library, one row a step, the oldest first.
+    steps: Vec<Vec<usize>>,
+    centre: Reals,
+    scale: Reals,
+    input_weights: Vec<Reals>,
+    state_weights: Vec<Reals>,
+    biases: Reals,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    state_biases: Reals,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -73,7 +90,7 @@ pub(super) fn texts(latents: &[Latent]) -> Vec<LatentText> {
             let basis = latent.map.basis();
             network.of = latents[..at].iter().position(|before| before.map.basis() == basis);
             if network.of.is_some() {
-                network.hidden = None;
+                (network.hidden, network.cell) = (None, None);
             }
         }
         text
@@ -101,6 +118,11 @@ impl From<&Latent> for LatentText {
             Map::Basis(map) => match &map.basis {
                 Basis::Gaussian(gaussian) => (&map.affine, Some(RadialText::new(gaussian, &map.weights)), None),
                 Basis::Network(network) => (&map.affine, None, Some(NetworkText::new(network, &map.weights))),
+                Basis::Recurrent(recurrent) => {
+                    let cell = Some(CellText::from(&**recurrent));
+                    let network = NetworkText { of: None, hidden: None, cell, weights: rows(&map.weights) };
+                    (&map.affine, None, Some(network))
+                }
             },
         };
         Self {
@@ -178,20 +200,58 @@ impl NetworkText {
             activation: network.activation.name().into(),
             layers: network.layers.iter().map(layer).collect(),
         };
-        Self { of: None, hidden: Some(hidden), weights: rows(weights) }
+        Self { of: None, hidden: Some(hidden), cell: None, weights: rows(weights) }
     }
 
     fn into_map(self, affine: AffineMap, before: &[Latent]) -> Result<BasisMap, String> {
         let weights = self.weights.into_iter().map(floats).collect();
-        let basis = match (self.hidden, self.of) {
-            (Some(hidden), None) => Basis::Network(Arc::new(hidden.into_network()?)),
-            (None, Some(of)) => match before.get(of).and_then(|latent| latent.map.basis()) {
-                Some(basis @ Basis::Network(_)) => basis,
+        let basis = match (self.hidden, self.cell, self.of) {
+            (Some(hidden), None, None) => Basis::Network(Arc::new(hidden.into_network()?)),
+            (None, Some(cell), None) => Basis::Recurrent(Arc::new(cell.into_recurrent()?)),
+            (None, None, Some(of)) => match before.get(of).and_then(|latent| latent.map.basis()) {
+                Some(basis @ (Basis::Network(_) | Basis::Recurrent(_))) => basis,
                 _ => return Err(format!("its network is that of latent {of}, which has none")),
             },
-            _ => return Err("a network has hidden layers, or is that of a latent before".into()),
+            _ => return Err("a network has hidden layers, or a cell, or is that of a latent before".into()),
         };
         Ok(BasisMap { affine, basis, weights })
+    }
+}
+
+impl From<&Recurrent> for CellText {
+    fn from(recurrent: &Recurrent) -> Self {
+        Self {
+            kind: recurrent.cell.name().into(),
+            steps: recurrent.inputs.chunks(recurrent.columns().max(1)).map(<[usize]>::to_vec).collect(),
+            centre: reals(&recurrent.centre),
+            scale: reals(&recurrent.scale),
+            input_weights: rows(&recurrent.input_weights),
+            state_weights: rows(&recurrent.state_weights),
+            biases: reals(&recurrent.biases),
+            state_biases: reals(&recurrent.state_biases),
+        }
+    }
+}
+
+impl CellText {
+    fn into_recurrent(self) -> Result<Recurrent, String> {
+        let cell = Cell::ALL.into_iter().find(|cell| cell.name() == self.kind);
+        let cell = cell.ok_or_else(|| format!("unknown cell `{}`", self.kind))?;
+        let columns = self.centre.len();
+        if let Some(step) = self.steps.iter().find(|step| step.len() != columns) {
+            return Err(format!("a cell ({}) of {columns} columns with a step of {}", self.kind, step.len()));
+        }
+        let matrix = |text: Vec<Reals>| text.into_iter().map(floats).collect();
+        Ok(Recurrent {
+            cell,
+            inputs: self.steps.concat(),
+            centre: floats(self.centre),
+            scale: floats(self.scale),
+            input_weights: matrix(self.input_weights),
+            state_weights: matrix(self.state_weights),
+            biases: floats(self.biases),
+            state_biases: floats(self.state_biases),
+        })
     }
 }
 

@@ -5,4 +5,5 @@ mod file;
 mod models;
 mod network;
 mod radial;
+mod recurrent;
 mod transitions;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fleetfoot_data::mix;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    Activation, AffineMap, Basis, BasisMap, Column, DenseLayer, Equation, Gaussian, Latent, Model, Network, Partition,
-    Prediction, RegionSummary, Role, Rule, Training,
+    Activation, AffineMap, Basis, BasisMap, Cell, Column, DenseLayer, Equation, Gaussian, Latent, Model, Network,
+    Partition, Prediction, Recurrent, RegionSummary, Role, Rule, Training,
 };
 
 /// Numbers by counting.
@@ -155,7 +155,30 @@ impl Maker {
             scale: (0..inputs.len()).map(|i| 0.6 + 0.2 * i as f64).collect(),
             activation,
         };
-        let basis = Basis::Network(Arc::new(network));
+        self.basis(&Basis::Network(Arc::new(network)));
+    }
+
+    /// Gives all latents so far the same cell over some functions of their library, step by step, with random numbers.
+    pub(crate) fn recurrent(&mut self, steps: &[&[usize]], units: usize, cell: Cell) {
+        let columns = steps[0].len();
+        let rows = cell.gates() * units;
+        let mut matrix = |width: usize| (0..rows).map(|_| self.draw.values(width)).collect::<Vec<_>>();
+        let (input_weights, state_weights) = (matrix(columns), matrix(units));
+        let basis = Basis::Recurrent(Arc::new(Recurrent {
+            cell,
+            inputs: steps.concat(),
+            centre: self.draw.values(columns),
+            scale: (0..columns).map(|i| 0.6 + 0.2 * i as f64).collect(),
+            input_weights,
+            state_weights,
+            biases: self.draw.values(rows),
+            state_biases: self.draw.values(if cell == Cell::Gru { units } else { 0 }),
+        }));
+        self.basis(&basis);
+    }
+
+    /// Gives all latents so far a basis, with random weights.
+    fn basis(&mut self, basis: &Basis) {
         for latent in &mut self.model.latents {
             let affine = latent.affine().expect("an affine latent").clone();
             let weights = (0..latent.map.regions()).map(|_| self.draw.values(basis.count())).collect();

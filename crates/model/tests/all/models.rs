@@ -1,7 +1,7 @@
 //! Models of all kinds for the tests of export, made from seeds.
 
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Activation, Branch, Cut, Model, Prediction, Role, Rule, Tree, UnseenLabel};
+use fleetfoot_model::{Activation, Branch, Cell, Cut, Model, Prediction, Role, Rule, Tree, UnseenLabel};
 
 #[path = "maker.rs"]
 mod maker;
@@ -41,6 +41,10 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("relu_network", network(Activation::Relu)),
         ("softplus_network", network(Activation::Softplus)),
         ("network_regions", network_regions()),
+        ("rnn", recurrent(Cell::Rnn)),
+        ("gru", recurrent(Cell::Gru)),
+        ("lstm", recurrent(Cell::Lstm)),
+        ("cell_regions", recurrent_regions(Cell::Gru)),
     ]
 }
 
@@ -93,6 +97,33 @@ pub(crate) fn network_regions() -> Model {
     maker.latent("f_x", library, partition, 2.0);
     maker.latent("f_y", library, partition, 0.5);
     maker.network(&[0, 1, 3], &[6], Activation::Tanh);
+    maker.equation("x", Prediction::Next, "f_x");
+    maker.equation("y", Prediction::Difference, "0.1*f_y");
+    maker.finish()
+}
+
+/// A cell over three rows of a state and an input; the linear map reads another state too.
+pub(crate) fn recurrent(cell: Cell) -> Model {
+    let mut maker = Maker::new(35, "network", &[("x", STATE), ("y", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "y", "u", "lag(x, 1)", "lag(u, 1)", "lag(x, 2)", "lag(u, 2)"]);
+    let partition = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f_x", library, partition, 0.5);
+    maker.latent("f_y", library, partition, 0.5);
+    maker.recurrent(&[&[5, 6], &[3, 4], &[0, 2]], 4, cell);
+    maker.equation("x", Prediction::Next, "f_x");
+    maker.equation("y", Prediction::Difference, "f_y");
+    maker.finish()
+}
+
+/// A cell whose steps both read the present row, with weights of three regions.
+pub(crate) fn recurrent_regions(cell: Cell) -> Model {
+    let mut maker = Maker::new(36, "network", &[("x", STATE), ("y", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "y", "u", "lag(x, 1)*u", "lag(y, 1)", "lag(u, 1)"]);
+    let rule = maker.voronoi(3, 2);
+    let partition = maker.partition("kmeans:3", &["x", "y"], rule);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_y", library, partition, 0.5);
+    maker.recurrent(&[&[4, 5], &[0, 1], &[3, 2]], 3, cell);
     maker.equation("x", Prediction::Next, "f_x");
     maker.equation("y", Prediction::Difference, "0.1*f_y");
     maker.finish()
