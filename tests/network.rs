@@ -257,3 +257,77 @@ fn impossible_networks_are_refused() {
     let output = fleetfoot(folder.path(), &[&gap[..], &["-o", "gap.json"]].concat()).ok();
     assert!(output.out.contains("incomplete"), "{}", output.out);
 }
+
+#[test]
+fn cells_simulate_hidden_states() {
+    let folder = folder(&[
+        ("x.csv", without_velocity(&spring(1600, 1, 12.0))),
+        ("other.csv", without_velocity(&spring(600, 900_000, 12.0))),
+    ]);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let fit = ["fit", "network", "x.csv", "--states", "x", "--inputs", "u", "--effort", "low", "--lags", "2"];
+    let mut files = Vec::new();
+    for threads in ["1", "2"] {
+        let file = format!("gru{threads}.json");
+        let cell = ["--cell", "gru", "--hidden", "8", "--threads", threads, "--json", "-o", &file];
+        let report = run(&[&fit[..], &cell].concat()).json();
+        assert_eq!(report["candidates"][1]["name"], "gru 8", "{report}");
+        // Weights of a column and of eight units, for three gates, and their biases; the output layer.
+        assert_eq!(report["candidates"][1]["numbers"], 3 * 8 * (2 + 8 + 1) + 8 + (1 + 6 + 8), "{report}");
+        assert!(report["candidates"][1]["loss"].as_f64() < report["candidates"][0]["loss"].as_f64(), "{report}");
+        files.push(fs::read(folder.path().join(&file)).expect("a model"));
+    }
+    assert!(files[0] == files[1], "the bytes of a cell depend on threads");
+    let saved = model(folder.path(), "gru1.json");
+    assert_eq!(saved["method"], "network gru 8");
+    // States, then inputs, row by row: the cell reads the oldest first.
+    assert_eq!(saved["latents"][0]["network"]["cell"]["steps"], serde_json::json!([[4, 5], [2, 3], [0, 1]]));
+    run(&[
+        "fit",
+        "pwa",
+        "x.csv",
+        "--states",
+        "x",
+        "--inputs",
+        "u",
+        "--lags",
+        "2",
+        "--predict",
+        "delta",
+        "-p",
+        "average",
+        "-o",
+        "line.json",
+    ]);
+    let error = |file: &str| {
+        let report = run(&["rollout", file, "other.csv", "--horizon", "50", "--json"]).json();
+        report["model"]["summary"]["average"]["value"].as_f64().expect("an error")
+    };
+    let (line, gru) = (error("line.json"), error("gru1.json"));
+    assert!(gru < line, "{gru} {line}");
+    let shown = run(&["show", "gru1.json"]).out;
+    assert!(shown.contains("recurrent cell (gru) over 3 rows"), "{shown}");
+    run(&["report", "gru1.json", "other.csv", "-o", "page.html"]);
+    run(&["export", "gru1.json", "--to", "npz", "-o", "code"]);
+    run(&["export", "gru1.json", "--to", "latex", "-o", "code"]);
+}
+
+#[test]
+fn impossible_cells_are_refused() {
+    let folder = folder(&[("run.csv", spring(300, 1, 12.0))]);
+    let cell = |options: &[&str], words: &[&str]| {
+        fleetfoot(folder.path(), &[&FIT[..], &["--cell", "gru"], options].concat()).fails(words);
+        assert!(!folder.path().join("model.json").exists());
+    };
+    cell(&["--lags", "0"], &["--cell: a recurrent cell reads past rows", "give --lags 10"]);
+    cell(&["--predict", "derivative"], &["--cell: a recurrent cell reads past rows", "give --lags 10"]);
+    cell(&["--lags", "2", "--activation", "relu"], &["--cell gru", "remove --activation"]);
+    cell(&["--lags", "2", "--hidden", "8,4"], &["--hidden 8,4: --cell gru is one layer", "--hidden 8"]);
+    let unknown = fleetfoot(folder.path(), &[&FIT[..], &["--cell", "mgu"]].concat());
+    assert!(unknown.code == 2 && unknown.err.contains("none, rnn, gru, lstm"), "{}", unknown.err);
+    fs::write(folder.path().join("r.toml"), "[network]\ncell = \"mgu\"\n").expect("a recipe");
+    fleetfoot(folder.path(), &[&FIT[..], &["-c", "r.toml"]].concat()).fails(&["r.toml", "mgu", "lstm"]);
+    fleetfoot(folder.path(), &["scan", "run.csv", "--states", "x,v", "--lags", "2", "-o", "run.stats"]).ok();
+    let statistic = ["fit", "network", "run.stats", "--cell", "gru", "--lags", "2"];
+    fleetfoot(folder.path(), &statistic).fails(&["trains on rows, and a statistic has none"]);
+}

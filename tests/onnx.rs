@@ -148,18 +148,35 @@ fn script() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers/onnx_networks.py")
 }
 
+/// Outputs of a network for rows, computed by the script's `command`.
+fn outputs(python: &std::ffi::OsStr, command: &str, network: &Path, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut child = Command::new(python)
+        .arg(script())
+        .arg(command)
+        .arg(network)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("Python runs");
+    let text = serde_json::to_string(rows).expect("JSON");
+    child.stdin.take().expect("a pipe").write_all(text.as_bytes()).expect("rows");
+    let output = child.wait_with_output().expect("outputs");
+    assert!(output.status.success(), "{}", network.display());
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+/// Rows of numbers in [-1, 1) that 32 bits hold.
+fn uniform_rows(count: u64, width: u64) -> Vec<Vec<f64>> {
+    let number = |key: u64| (fleetfoot::data::mix(key) >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
+    (0..count).map(|row| (0..width).map(|at| f64::from(number(width * row + at) as f32)).collect()).collect()
+}
+
 #[test]
 fn exported_networks_run_in_onnxruntime() {
     let Some(python) = outside::python("onnx, onnxruntime, numpy") else { return };
     let folder = folder();
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
-    let rows: Vec<Vec<f64>> = (0..200u64)
-        .map(|row| {
-            (0..6).map(|at| (fleetfoot::data::mix(6 * row + at) >> 11) as f64 / (1u64 << 52) as f64 - 1.0).collect()
-        })
-        // Numbers that 32 bits hold.
-        .map(|row: Vec<f64>| row.into_iter().map(|x| f64::from(x as f32)).collect())
-        .collect();
+    let rows = uniform_rows(200, 6);
     for activation in ["tanh", "relu", "softplus"] {
         let model = format!("{activation}.json");
         let fit = ["fit", "network", "-c", "r.toml", "run.csv", "--effort", "low", "--hidden", "6", "--activation"];
@@ -172,21 +189,34 @@ fn exported_networks_run_in_onnxruntime() {
                 continue;
             }
             run(&["export", &model, "--to", "onnx", "--precision", precision, "--prefix", activation, "-o", "."]);
-            let mut child = Command::new(&python)
-                .arg(script())
-                .arg("run")
-                .arg(folder.path().join(format!("{activation}.onnx")))
-                .stdin(Stdio::piped())
-                .stdout(Stdio::piped())
-                .spawn()
-                .expect("Python runs");
-            let text = serde_json::to_string(&rows).expect("JSON");
-            child.stdin.take().expect("a pipe").write_all(text.as_bytes()).expect("rows");
-            let output = child.wait_with_output().expect("outputs");
-            assert!(output.status.success(), "{activation} {precision}");
-            let actual: Vec<Vec<f64>> = serde_json::from_slice(&output.stdout).expect("JSON");
+            let actual = outputs(&python, "run", &folder.path().join(format!("{activation}.onnx")), &rows);
             agree(&format!("{activation} {precision}"), &actual, &values(&read, &rows), precision == "double");
         }
+    }
+}
+
+#[test]
+fn exported_cells_run_in_onnxruntime() {
+    let Some(python) = outside::python("onnx, onnxruntime, numpy") else { return };
+    let folder = folder();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let rows = uniform_rows(100, 9);
+    for cell in ["rnn", "gru", "lstm"] {
+        let model = format!("{cell}.json");
+        let fit = ["fit", "network", "-c", "r.toml", "run.csv", "--lags", "2", "--effort", "low", "--hidden", "6"];
+        run(&[&fit[..], &["--folds", "2", "--cell", cell, "-o", &model]].concat());
+        let read = fleetfoot::Model::read(&folder.path().join(&model)).expect("a model");
+        assert!(read.latents[0].map.basis().is_some(), "{cell}: no network was written");
+        let expected = values(&read, &rows);
+        let network = folder.path().join(format!("{cell}.onnx"));
+        let written = |precision: &str| {
+            run(&["export", &model, "--to", "onnx", "--precision", precision, "--prefix", cell, "-o", "."]);
+        };
+        written("float");
+        agree(cell, &outputs(&python, "run", &network, &rows), &expected, false);
+        // The runtime has no cells of 64 bits; the reference of the format computes them.
+        written("double");
+        agree(cell, &outputs(&python, "reference", &network, &rows), &expected, true);
     }
 }
 
@@ -217,4 +247,25 @@ fn networks_of_other_programs_are_models() {
         count += 1;
     }
     assert_eq!(count, 21, "three styles, four activations, two precisions but for Softplus");
+}
+
+#[test]
+fn cells_of_other_programs_are_models() {
+    let Some(python) = outside::python("onnx, onnxruntime, numpy") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let status = Command::new(python).arg(script()).arg("cells").arg(folder.path()).status().expect("Python runs");
+    assert!(status.success(), "the cells are written");
+    let recipe = "[states]\nx = {}\nv = {}\n[model]\npredict = \"next\"\nlags = 2\n";
+    fs::write(folder.path().join("r.toml"), recipe).expect("a recipe");
+    for cell in ["rnn", "gru", "lstm"] {
+        let (network, model) = (format!("{cell}.onnx"), format!("{cell}.model.json"));
+        let import = ["import", &network, "-c", "r.toml", "--dt", "0.01", "-o", &model, "--json"];
+        let report = fleetfoot(folder.path(), &import).ok().json();
+        assert_eq!(report["hidden"], format!("{cell} 5"), "{report}");
+        let model = fleetfoot::Model::read(&folder.path().join(model)).expect("a model");
+        let text = fs::read_to_string(folder.path().join(format!("{cell}.json"))).expect("rows");
+        let oracle: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let matrix = |what: &str| serde_json::from_value::<Vec<Vec<f64>>>(oracle[what].clone()).expect("numbers");
+        agree(cell, &values(&model, &matrix("rows")), &matrix("outputs"), false);
+    }
 }

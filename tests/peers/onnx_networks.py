@@ -1,7 +1,9 @@
 """Networks written by `onnx` in the styles of several exporters, and run by `onnxruntime`.
 
     onnx_networks.py write FOLDER    networks NAME.onnx, and rows with their outputs NAME.json
+    onnx_networks.py cells FOLDER    the same of recurrent cells; rows have the latest step first
     onnx_networks.py run FILE        outputs of a network for the rows on standard input (JSON), in its own precision
+    onnx_networks.py reference FILE  the same by the reference implementation of the format, in 64 bits
 """
 
 import json
@@ -12,6 +14,7 @@ import numpy as np
 import onnx
 import onnxruntime
 from onnx import TensorProto, checker, helper, numpy_helper
+from onnx.reference import ReferenceEvaluator
 
 ROWS = 64
 INPUTS, OUTPUTS = 4, 2
@@ -98,6 +101,43 @@ def scaled(element, activation, seed):
     return net.file()
 
 
+STEPS, COLUMNS, UNITS = 3, 2, 5
+
+
+def cell(operator, gates, seed):
+    """A cell over steps, rows and columns and the last of its states, as PyTorch exports one with a layer behind it."""
+    net = Net(TensorProto.FLOAT, seed)
+    weights = [net.tensor("w", [1, gates * UNITS, COLUMNS]), net.tensor("r", [1, gates * UNITS, UNITS])]
+    weights.append(net.tensor("b", [1, 2 * gates * UNITS]))
+    zero = numpy_helper.from_array(np.zeros([1, 1, UNITS], np.float32), "zero")
+    net.tensors += [zero, numpy_helper.from_array(np.array([1]), "axes"), numpy_helper.from_array(np.array(-1), "last")]
+    states = ["zero", "zero"] if operator == "LSTM" else ["zero"]
+    options = {"linear_before_reset": 1} if operator == "GRU" else {}
+    net.node(operator, ["x", *weights, "", *states], "all", hidden_size=UNITS, **options)
+    net.node("Squeeze", ["all", "axes"], "states")
+    net.node("Gather", ["states", "last"], "state", axis=0)
+    net.node("Gemm", ["state", net.tensor("v", [OUTPUTS, UNITS]), net.tensor("c", [OUTPUTS])], "y", transB=1)
+    value = lambda name, *dims: helper.make_tensor_value_info(name, TensorProto.FLOAT, dims)
+    given, computed = value("x", STEPS, 1, COLUMNS), value("y", 1, OUTPUTS)
+    model = helper.make_model(
+        helper.make_graph(net.nodes, "cell", [given], [computed], net.tensors), opset_imports=[helper.make_opsetid("", 13)]
+    )
+    model.ir_version = 8
+    checker.check_model(model, full_check=True)
+    return model.SerializeToString()
+
+
+def write_cells(folder):
+    for seed, (operator, gates) in enumerate({"RNN": 1, "GRU": 3, "LSTM": 4}.items()):
+        file = cell(operator, gates, 50 + seed)
+        windows = np.random.default_rng(2000 + seed).normal(0, 1, (ROWS, STEPS, 1, COLUMNS)).astype(np.float32)
+        outputs = [run(file, window)[0].tolist() for window in windows]
+        name = folder / operator.lower()
+        name.with_suffix(".onnx").write_bytes(file)
+        rows = windows[:, ::-1].reshape(ROWS, -1).tolist()
+        name.with_suffix(".json").write_text(json.dumps({"rows": rows, "outputs": outputs}))
+
+
 def write(folder):
     styles = {"linear_layers": linear_layers, "dense_layers": dense_layers, "scaled": scaled}
     for seed, (style, activation, element) in enumerate(
@@ -119,8 +159,14 @@ if __name__ == "__main__":
     match sys.argv[1:]:
         case ["write", folder]:
             write(pathlib.Path(folder))
+        case ["cells", folder]:
+            write_cells(pathlib.Path(folder))
         case ["run", file]:
             onnx.checker.check_model(file, full_check=True)
             print(json.dumps(run(pathlib.Path(file).read_bytes(), json.load(sys.stdin)).tolist()))
+        case ["reference", file]:
+            onnx.checker.check_model(file, full_check=True)
+            (outputs,) = ReferenceEvaluator(file).run(None, {"x": np.asarray(json.load(sys.stdin), dtype=float)})
+            print(json.dumps(outputs.tolist()))
         case _:
             sys.exit(__doc__)

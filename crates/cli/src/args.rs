@@ -132,7 +132,7 @@ pub(crate) enum Command {
     /// Write a model as C, Rust, Python, LaTeX, arrays or an ONNX network.
     #[command(after_help = examples::EXPORT)]
     Export(Export),
-    /// Make a model of a feed-forward network that another program trained (ONNX).
+    /// Make a model of a network that another program trained (ONNX).
     #[command(after_help = examples::IMPORT)]
     Import(Import),
     /// Simulate a robot: logs with known truth, and the recipe to fit them.
@@ -161,7 +161,7 @@ pub(crate) enum Fit {
     // The method fixes these options: they are refused, with a hint to the right ones.
     #[command(after_help = examples::FIT_NARX, mut_arg("radial", |arg| arg.hide(true)), mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
     Narx(Box<FitNarx>),
-    /// A feed-forward network beside a linear map, where it predicts held-out rows better; else the linear model.
+    /// A network beside a linear map, where it predicts held-out rows better; else the linear model.
     #[command(after_help = examples::FIT_NETWORK, mut_arg("radial", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)), mut_arg("data", |arg| arg.value_name("DATA").help("Files, globs or folders")))]
     Network(Box<FitNetwork>),
     /// Parameters of given equations, with intervals, by output error, filter error or equation error.

@@ -240,11 +240,13 @@ macro_rules! named {
 }
 
 settings! {
+    ACTIVATION "activation" Value
     APPEND "append" Switch
     BASE "base" Value
     BOLASSO "bolasso" Value
     BY "by" Value
     CACHE "cache" Value
+    CELL "cell" Value
     CHUNK_ROWS "chunk_rows" Value
     CONTINUOUS "continuous" Switch
     CONTROLLER "controller" Value

@@ -1,5 +1,6 @@
-//! Feed-forward networks of present and past rows beside a linear map: of several sizes the smallest that predicts as well as the best what did not train; the linear model where no network is better.
+//! Networks of present and past rows beside a linear map: of several sizes the smallest that predicts as well as the best what did not train; the linear model where no network is better.
 
+mod basis;
 mod lags;
 mod options;
 mod pace;
@@ -9,18 +10,19 @@ mod search;
 #[cfg(test)]
 mod tests;
 mod train;
+mod window;
 
 use std::sync::Arc;
 
-use fleetfoot_data::setting::{FIT_NETWORK, LAGS};
+use fleetfoot_data::setting::{CELL, FIT_NETWORK, LAGS};
 use fleetfoot_data::{Progress, packed};
 use fleetfoot_dataset::{Dataset, Logs, StatisticFile};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Activation, Basis, BasisMap, DenseLayer, Model, Network as Units};
-use fleetfoot_pwa::Identification;
-use fleetfoot_recipe::{PwaSection, Recipe, State};
+use fleetfoot_model::{BasisMap, Model};
+use fleetfoot_pwa::{Identification, Problem};
+use fleetfoot_recipe::{Lags, PwaSection, Recipe, State};
 use fleetfoot_task::Task;
-use lags::with_past;
+use lags::{with_past, with_variables};
 use options::NetworkOptions;
 pub use report::{LagChoice, NetworkCandidate, NetworkErrors, NetworkReport};
 use rows::Rows;
@@ -51,6 +53,8 @@ pub struct Network {
     linear: Pwa,
     /// True to find lags.
     looks: bool,
+    /// Rows that functions read of every column, as far as the recipe tells.
+    rows: usize,
 }
 
 /// The linear model, what was compared, and the model that is written.
@@ -78,9 +82,13 @@ impl Method for Network {
         let mut linear = predicting(recipe);
         let looks = linear.model.lags.is_none()
             && matches!(linear.model.predict.as_deref(), Some("next" | "delta" | "difference"));
+        let rows = 1 + linear.model.lags.into_iter().flat_map(Lags::steps).count();
+        if options.cell.is_some() && rows == 1 && !looks {
+            return Err(window::missing());
+        }
         linear.model.partition = Some("average".into());
         linear.pwa = PwaSection { folds: Some(options.folds), seed: Some(options.seed), ..PwaSection::default() };
-        Ok(Self { options, linear: Pwa::new(&linear, request)?, looks })
+        Ok(Self { options, linear: Pwa::new(&linear, request)?, looks, rows })
     }
 
     fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
@@ -89,11 +97,13 @@ impl Method for Network {
             plan.candidates *= LAGS_PLANNED;
         }
         let (inputs, targets) = (plan.candidates, plan.equations.len());
-        let rows = plan.reading.rows.min(self.options.most_rows(inputs, targets));
+        let read = (inputs, if self.looks { LAGS_PLANNED } else { self.rows });
+        let rows = plan.reading.rows.min(self.options.most_rows(read, targets));
         plan.passes += 1;
         plan.memory += self.options.bytes().min(rows * (inputs + 2 * targets) * 32);
-        plan.work.operations += self.options.work(rows, inputs, targets);
-        let sizes: Vec<String> = self.options.sizes().iter().map(|hidden| NetworkCandidate::name_of(hidden)).collect();
+        plan.work.operations += self.options.work(rows, read, targets);
+        let name = |hidden: &Vec<usize>| NetworkCandidate::name_of(self.options.cell, hidden);
+        let sizes: Vec<String> = self.options.sizes().iter().map(name).collect();
         plan.details = vec![format!("compared with the linear model on {rows} rows: {}", sizes.join(", "))];
         if self.looks {
             plan.details.push("lags: those with which linear models simulate held-out spans, up to ten or so".into());
@@ -158,6 +168,12 @@ impl Method for Network {
         let past = match PastRows::find(&opened.recipe, &opened.dataset, settings, progress) {
             Ok(past) => past,
             Err(error @ Error::Cancelled(_)) => return Err(error),
+            Err(error) if self.options.cell.is_some() => {
+                return Err(Error::missing(format!(
+                    "{CELL}: a recurrent cell reads past rows, and lags could not be found ({error}); give {}",
+                    LAGS.to(10)
+                )));
+            }
             Err(error) => {
                 notes.push(format!(
                     "only the present row is read, as lags could not be found ({LAGS} sets them): {error}"
@@ -175,6 +191,9 @@ impl Method for Network {
         notes: &mut Vec<String>,
         progress: &dyn Progress,
     ) -> Result<Vec<NetworkSolution>, Error> {
+        if self.options.cell.is_some() {
+            return Ok(vec![self.with_cell(data, past.as_ref(), notes, progress)?]);
+        }
         let mut of_present = Vec::new();
         let present = self.one(data, &mut of_present, progress)?;
         let task = past.as_ref().map(|past| with_past(data, past)).transpose()?.flatten();
@@ -303,6 +322,21 @@ impl Network {
         })
     }
 
+    /// The candidates with a cell over the rows that are given, or that linear models chose: as many of every column as of the one that has most.
+    fn with_cell(
+        &self,
+        data: Data<'_, Task>,
+        past: Option<&PastRows>,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<NetworkSolution, Error> {
+        let Some(past) = past else { return self.one(data, notes, progress) };
+        let task = with_variables(data, window::even(&past.variables))?.ok_or_else(window::missing)?;
+        let solution = self.one(Data { task: &task, ..data }, notes, progress)?;
+        notes.push(format!("the cell reads the lags that linear models chose ({}); {LAGS} sets them", past.in_words()));
+        Ok(solution)
+    }
+
     /// The chosen candidate fitted to some rows.
     fn trained(
         &self,
@@ -317,14 +351,8 @@ impl Network {
         if !hidden.is_empty() {
             let rows = self.rows(data, progress, false)?;
             let [all, _] = rows.split(None);
-            let (p, q) = (rows.table.inputs(), rows.table.targets());
-            let training = self.options.training(hidden, all.len(), p, q);
-            let shape = fleetfoot_learn::Shape {
-                inputs: p,
-                hidden: hidden.clone(),
-                activation: self.options.activation,
-                window: None,
-            };
+            let shape = rows.shape(hidden, &self.options);
+            let training = self.options.training(&shape, all.len(), rows.table.targets());
             let fitted = train::network(&shape, &rows.table, &all, &training, progress)?;
             self.write(&mut model, &fitted, &rows);
         }
@@ -339,7 +367,13 @@ impl Network {
             options.folds = 0;
         }
         let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
-        Rows::read(problem, &options, self.options.most_rows(problem.library.len(), targets), data.rows()?, progress)
+        let most = self.options.most_rows((problem.library.len(), self.steps(problem)), targets);
+        Rows::read(problem, (&options, &self.options), most, data.rows()?, progress)
+    }
+
+    /// Steps of the cell; 1 where there is none.
+    fn steps(&self, problem: &Problem) -> usize {
+        self.options.cell.map_or(1, |_| window::steps(&problem.library).len().max(1))
     }
 
     /// Puts a network into the latents of the linear model, and the covariance of its residuals in place of the linear model's.
@@ -347,24 +381,7 @@ impl Network {
         let Some((shape, parameters)) = &fitted.hidden else { return };
         let (p, q) = (rows.table.inputs(), rows.table.targets());
         let (centre, scale) = (&fitted.units.centre, &fitted.units.scale);
-        let activation = match shape.activation {
-            fleetfoot_learn::Activation::Tanh => Activation::Tanh,
-            fleetfoot_learn::Activation::Relu => Activation::Relu,
-            fleetfoot_learn::Activation::Softplus => Activation::Softplus,
-        };
-        let mut before = p;
-        let layer = |(weights, biases): (&[f64], &[f64])| {
-            let weights = weights.chunks_exact(before).map(<[f64]>::to_vec).collect();
-            before = biases.len();
-            DenseLayer { weights, biases: biases.to_vec() }
-        };
-        let basis = Basis::Network(Arc::new(Units {
-            inputs: rows.inputs.clone(),
-            centre: centre[..p].to_vec(),
-            scale: scale[..p].to_vec(),
-            activation,
-            layers: shape.split(parameters).into_iter().map(layer).collect(),
-        }));
+        let basis = basis::basis(shape, parameters, &rows.inputs, &fitted.units);
         let output = &fitted.output.0;
         for (t, latent) in model.latents.iter_mut().enumerate() {
             let Some(affine) = latent.affine() else { continue };
@@ -389,7 +406,6 @@ impl Network {
             }
         }
         model.partitions.iter_mut().for_each(|partition| partition.correlation = None);
-        let sizes: Vec<String> = shape.hidden.iter().map(usize::to_string).collect();
-        model.method = format!("network {} {}", sizes.join("-"), activation.name());
+        model.method = format!("network {}", basis::words(shape));
     }
 }

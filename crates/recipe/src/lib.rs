@@ -32,7 +32,7 @@ pub use groups::{GroupRule, GroupWords};
 pub use init::{draft_of_odometry, draft_of_topics, is_named_angle, starter_recipe, starter_recipe_of_runs};
 pub use list::items;
 pub use recipe::{
-    ActivationWord, AttitudeForm, AutoSection, BodySection, ClockSection, ConstraintSection, ControlSchedule,
+    ActivationWord, AttitudeForm, AutoSection, BodySection, CellWord, ClockSection, ConstraintSection, ControlSchedule,
     ControlSection, Criterion, Derivative, Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection,
     FilterNoise, FilterSection, FilterSwitching, Frame, Gap, GivenAs, Gravity, HiddenLayers, Input, InputTable, Join,
     JoinTable, JointSection, Kind, Lags, LatentSection, LibrarySection, Limits, MOST_STEPS, ModelSection, Mounting,

@@ -43,7 +43,7 @@ use fleetfoot_data::{did_you_mean, nearest};
 use indexmap::IndexMap;
 pub use lags::Lags;
 pub use narx::{Effort, GivenAs, NarxSection, NarxSelection, NarxTerms};
-pub use network::{ActivationWord, HiddenLayers, NetworkSection};
+pub use network::{ActivationWord, CellWord, HiddenLayers, NetworkSection};
 pub use objective::{MOST_STEPS, Objective};
 pub use phase::PhaseColumn;
 pub use ports::{Port, PortList};

@@ -6,7 +6,7 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 pub(crate) struct Import {
-    /// Feed-forward network, an ONNX file.
+    /// Network, an ONNX file.
     #[arg(value_name = "NETWORK")]
     pub(crate) network: PathBuf,
     /// Logs that trained it: files, globs or folders, for training ranges and residuals (default: both are unknown).

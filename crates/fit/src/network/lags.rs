@@ -2,8 +2,8 @@
 
 use fleetfoot_data::{Cancelled, Progress, setting::LAGS};
 use fleetfoot_dynamics::{RolloutOptions, Starts};
-use fleetfoot_learn::{Shape, Units};
-use fleetfoot_library::Library;
+use fleetfoot_learn::Units;
+use fleetfoot_library::{Expr, Library};
 use fleetfoot_model::{Basis, Model};
 use fleetfoot_task::Task;
 
@@ -40,11 +40,19 @@ struct Simulated {
 /// # Errors
 /// More functions than a library may have.
 pub(super) fn with_past(data: Data<'_, Task>, past: &PastRows) -> Result<Option<Task>, Error> {
+    with_variables(data, past.variables.clone())
+}
+
+/// The task whose functions are those of other variables; `None` if they are the same.
+///
+/// # Errors
+/// More functions than a library may have.
+pub(super) fn with_variables(data: Data<'_, Task>, variables: Vec<Expr>) -> Result<Option<Task>, Error> {
     let degree = data.recipe.model.degree.unwrap_or(1).max(1);
-    let library = Library::polynomial(&past.variables, degree).map_err(fleetfoot_recipe::Error::from)?;
+    let library = Library::polynomial(&variables, degree).map_err(fleetfoot_recipe::Error::from)?;
     let mut task = data.task.clone();
     task.problem.library = library.functions().to_vec();
-    task.variables.clone_from(&past.variables);
+    task.variables = variables;
     Ok((task.problem.library != data.task.problem.library).then_some(task))
 }
 
@@ -77,7 +85,7 @@ impl Network {
                     return Ok(solution);
                 }
             };
-        let candidate = |losses: &Vec<f64>| NetworkCandidate::new(&[], 0, losses.clone(), Vec::new());
+        let candidate = |losses: &Vec<f64>| NetworkCandidate::new((None, &[]), 0, losses.clone(), Vec::new());
         let chosen = choose(&[candidate(&without), candidate(&with)]) == 1;
         let mut of_folds = (present_models, &without[..]);
         if chosen {
@@ -156,12 +164,8 @@ impl Network {
         if network.inputs != rows.inputs {
             return Ok(None);
         }
-        let shape = Shape {
-            inputs: network.inputs.len(),
-            hidden: network.layers.iter().map(|layer| layer.biases.len()).collect(),
-            activation: self.options.activation,
-            window: None,
-        };
+        let hidden: Vec<usize> = network.layers.iter().map(|layer| layer.biases.len()).collect();
+        let shape = rows.shape(&hidden, &self.options);
         let parameters = network.layers.iter().flat_map(|layer| layer.weights.iter().flatten().chain(&layer.biases));
         let [all, _] = rows.split(None);
         let mut units = Units::measured(&rows.table, &all)?;

@@ -1,7 +1,8 @@
 //! Training and selection of a network: the words of `[network]`, checked once.
 
-use fleetfoot_learn::{Activation, Training};
-use fleetfoot_recipe::{ActivationWord, Effort, Recipe, seed};
+use fleetfoot_data::setting::{ACTIVATION, CELL, HIDDEN};
+use fleetfoot_learn::{Activation, Cell, Shape, Training, Window};
+use fleetfoot_recipe::{ActivationWord, CellWord, Effort, HiddenLayers, Recipe, seed};
 
 use crate::error::Error;
 
@@ -21,6 +22,8 @@ pub(super) struct NetworkOptions {
     /// Units of the hidden layers; `None`: sizes are tried.
     hidden: Option<Vec<usize>>,
     pub(super) activation: Activation,
+    /// The recurrent cell in place of hidden layers.
+    pub(super) cell: Option<Cell>,
     pub(super) effort: Effort,
     pub(super) folds: u16,
     pub(super) seed: u64,
@@ -36,7 +39,18 @@ impl NetworkOptions {
             ActivationWord::Relu => Activation::Relu,
             ActivationWord::Softplus => Activation::Softplus,
         };
+        let word = section.cell.unwrap_or_default();
+        let cell = match word {
+            CellWord::None => None,
+            CellWord::Rnn => Some(Cell::Rnn),
+            CellWord::Gru => Some(Cell::Gru),
+            CellWord::Lstm => Some(Cell::Lstm),
+        };
+        if let Some(cell) = cell {
+            check_cell(cell, section.hidden.as_ref(), activation)?;
+        }
         Ok(Self {
+            cell,
             hidden: section.hidden.as_ref().map(|layers| layers.0.clone()),
             activation,
             effort: section.effort.unwrap_or_default(),
@@ -51,7 +65,7 @@ impl NetworkOptions {
         self.hidden.is_some()
     }
 
-    /// Hidden layers to compare, from small to large.
+    /// Hidden layers to compare, from small to large; a cell is one layer.
     pub(super) fn sizes(&self) -> Vec<Vec<usize>> {
         let tried: &[&[usize]] = match self.effort {
             Effort::Low => &[&[8], &[16]],
@@ -60,8 +74,18 @@ impl NetworkOptions {
         };
         match &self.hidden {
             Some(hidden) => vec![hidden.clone()],
-            None => tried.iter().map(|hidden| hidden.to_vec()).collect(),
+            None => {
+                let fits = |hidden: &&&[usize]| self.cell.is_none() || hidden.len() == 1;
+                tried.iter().filter(fits).map(|hidden| hidden.to_vec()).collect()
+            }
         }
+    }
+
+    /// A network of about this size, before its functions are known: of so many inputs in so many rows.
+    pub(super) fn planned(&self, hidden: &[usize], (inputs, rows): (usize, usize)) -> Shape {
+        let columns = (inputs / rows.max(1)).max(1);
+        let window = self.cell.map(|cell| Window { cell, steps: vec![(0..columns).collect(); rows] });
+        Shape { inputs, hidden: hidden.to_vec(), activation: self.activation, window }
     }
 
     /// Multiply-adds of one training.
@@ -73,11 +97,12 @@ impl NetworkOptions {
         }
     }
 
-    /// Rows that are taken at most, of so many inputs and targets.
-    pub(super) fn most_rows(&self, inputs: usize, targets: usize) -> usize {
-        let work = self.sizes().iter().map(|hidden| multiplications(hidden, inputs, targets)).fold(1.0, f64::max);
+    /// Samples that are taken at most, of so many inputs in so many rows, and of so many targets.
+    pub(super) fn most_rows(&self, inputs: (usize, usize), targets: usize) -> usize {
+        let of = |hidden: &Vec<usize>| multiplications(&self.planned(hidden, inputs), targets);
+        let work = self.sizes().iter().map(of).fold(1.0, f64::max);
         // As they were read, and in the tiles of the folds that train at the same time.
-        let bytes = 8 * (inputs + 2 * targets) * 4;
+        let bytes = 8 * (inputs.0 + 2 * targets) * 4;
         ((self.budget() / (PASSES * work)) as usize).clamp(2_000, (self.memory / bytes.max(1)).max(2_000))
     }
 
@@ -87,8 +112,8 @@ impl NetworkOptions {
     }
 
     /// Training settings for a number of rows.
-    pub(super) fn training(&self, hidden: &[usize], rows: usize, inputs: usize, targets: usize) -> Training {
-        let pass = multiplications(hidden, inputs, targets) * rows.max(1) as f64;
+    pub(super) fn training(&self, shape: &Shape, rows: usize, targets: usize) -> Training {
+        let pass = multiplications(shape, targets) * rows.max(1) as f64;
         let passes = (self.budget() / pass).clamp(PASSES, 1_000.0);
         // A step of L-BFGS takes the sums, the gradient and the look at held-out rows.
         let (epochs, steps) = ((passes / 3.0) as usize, (passes / 4.0) as usize);
@@ -103,23 +128,36 @@ impl NetworkOptions {
     }
 
     /// Work of the whole comparison, about, in multiplications of the factorisations that other methods count.
-    pub(super) fn work(&self, rows: usize, inputs: usize, targets: usize) -> f64 {
+    pub(super) fn work(&self, rows: usize, inputs: (usize, usize), targets: usize) -> f64 {
         let of = |hidden: &Vec<usize>| {
-            let training = self.training(hidden, rows, inputs, targets);
+            let shape = self.planned(hidden, inputs);
+            let training = self.training(&shape, rows, targets);
             let passes = (training.epochs * 2 + training.steps * 3) as f64;
-            multiplications(hidden, inputs, targets) * rows as f64 * passes
+            multiplications(&shape, targets) * rows as f64 * passes
         };
         self.sizes().iter().map(of).sum::<f64>() * f64::from(self.folds + 1) * SHARE
     }
 }
 
-/// Multiply-adds of a row in one pass: sums of the output layer, or values and gradient, whichever is more.
-fn multiplications(hidden: &[usize], inputs: usize, targets: usize) -> f64 {
-    let (mut before, mut layers) = (inputs, 0);
-    for &units in hidden {
-        layers += before * units;
-        before = units;
+/// Refuses settings of hidden layers that a cell does not have.
+fn check_cell(cell: Cell, hidden: Option<&HiddenLayers>, activation: Activation) -> Result<(), Error> {
+    let cell = CELL.to(super::basis::cell(cell).name());
+    if activation != Activation::Tanh {
+        return Err(Error::conflict(format!("{cell}: the cell has its own functions; remove {ACTIVATION}")));
     }
-    let width = inputs + before + targets + 1;
+    match hidden {
+        Some(hidden) if hidden.0.len() > 1 => Err(Error::conflict(format!(
+            "{}: {cell} is one layer; write one number of units, such as {}",
+            HIDDEN.to(hidden),
+            HIDDEN.to(hidden.0[0])
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Multiply-adds of a row in one pass: sums of the output layer, or values and gradient, whichever is more.
+fn multiplications(shape: &Shape, targets: usize) -> f64 {
+    let layers = shape.products();
+    let width = shape.inputs + shape.features() + targets + 1;
     (3 * layers).max(layers + width * width) as f64
 }

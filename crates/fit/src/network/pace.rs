@@ -7,10 +7,10 @@ use fleetfoot_data::{
     setting::{EFFORT, HIDDEN},
     thread_count,
 };
-use fleetfoot_learn::{Output, Shape, TILE, Table, Units, slope, statistic};
+use fleetfoot_learn::{Output, TILE, slope, statistic};
 use fleetfoot_stats::{duration_in_words, expected_seconds};
 
-use super::options::NetworkOptions;
+use super::{options::NetworkOptions, rows::Rows, train::units};
 use crate::error::Error;
 
 /// Tiles that are timed.
@@ -35,14 +35,14 @@ impl Pace {
     pub(super) fn measured(
         sizes: &[Vec<usize>],
         options: &NetworkOptions,
-        (table, rows): (&Table, &[usize]),
+        (rows, all): (&Rows, &[usize]),
         folds: &[usize],
     ) -> Result<Self, Error> {
-        let (inputs, targets) = (table.inputs(), table.targets());
-        let some = &rows[..rows.len().min(TILES * TILE)];
-        let samples = table.samples(some, &Units::measured(table, some)?);
+        let (inputs, targets) = (rows.table.inputs(), rows.table.targets());
+        let some = &all[..all.len().min(TILES * TILE)];
+        let samples = rows.table.samples(some, &units(&rows.table, some, rows.window.as_ref())?);
         let of = |hidden: &Vec<usize>| -> Result<f64, Error> {
-            let shape = Shape { inputs, hidden: hidden.clone(), activation: options.activation, window: None };
+            let shape = rows.shape(hidden, options);
             let parameters = shape.initial(0);
             let output = Output(faer::Mat::zeros(1 + inputs + shape.features(), targets));
             let tiles: Vec<usize> = (0..samples.tiles()).collect();
@@ -54,10 +54,10 @@ impl Pace {
             std::hint::black_box(sums.solve(1e-3).is_ok());
             let solve = begin.elapsed().as_secs_f64();
             let training = |rows: usize| {
-                let training = options.training(hidden, rows, inputs, targets);
+                let training = options.training(&shape, rows, targets);
                 (training.epochs as f64 + OF_STEP * training.steps as f64) * (row * rows as f64 + SOLVES * solve)
             };
-            Ok(folds.iter().chain([&rows.len()]).map(|&rows| training(rows)).sum())
+            Ok(folds.iter().chain([&all.len()]).map(|&rows| training(rows)).sum())
         };
         Ok(Self { seconds: sizes.iter().map(of).collect::<Result<_, Error>>()?, folds: folds.len() })
     }

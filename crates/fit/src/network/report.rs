@@ -1,16 +1,18 @@
 //! Report of a fit of networks, for people and for programs.
 
+use fleetfoot_learn::Cell;
 use serde::Serialize;
 
+use super::basis::cell;
 use crate::{method::FitReport, narx::PastRows, summary::FitSummary};
 
 /// A size that was compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NetworkCandidate {
-    /// `linear`, or the units of the hidden layers: `network 16-16`.
+    /// `linear`, or the units of the hidden layers, `network 16-16`, or of the cell, `gru 16`.
     pub name: String,
-    /// Units of the hidden layers; none for the linear map.
+    /// Units of the hidden layers or of the cell; none for the linear map.
     pub hidden: Vec<usize>,
     /// Numbers that were fitted, of all equations.
     pub numbers: usize,
@@ -27,10 +29,15 @@ pub struct NetworkCandidate {
 }
 
 impl NetworkCandidate {
-    pub(super) fn new(hidden: &[usize], numbers: usize, losses: Vec<f64>, rmse: Vec<f64>) -> Self {
+    pub(super) fn new(
+        (cell, hidden): (Option<Cell>, &[usize]),
+        numbers: usize,
+        losses: Vec<f64>,
+        rmse: Vec<f64>,
+    ) -> Self {
         let (loss, standard_error) = mean_and_error(&losses);
         Self {
-            name: Self::name_of(hidden),
+            name: Self::name_of(cell, hidden),
             hidden: hidden.to_vec(),
             numbers,
             loss,
@@ -41,9 +48,13 @@ impl NetworkCandidate {
         }
     }
 
-    pub(super) fn name_of(hidden: &[usize]) -> String {
+    pub(super) fn name_of(of: Option<Cell>, hidden: &[usize]) -> String {
         let sizes: Vec<String> = hidden.iter().map(usize::to_string).collect();
-        if hidden.is_empty() { "linear".into() } else { format!("network {}", sizes.join("-")) }
+        match of {
+            _ if hidden.is_empty() => "linear".into(),
+            None => format!("network {}", sizes.join("-")),
+            Some(of) => format!("{} {}", cell(of).name(), sizes.join("-")),
+        }
     }
 }
 

@@ -1,12 +1,13 @@
 //! The rows that train, in memory, with their place in cross-validation.
 
 use fleetfoot_data::{Progress, Source, checkpoint};
-use fleetfoot_learn::Table;
+use fleetfoot_learn::{Shape, Table, Window};
 use fleetfoot_library::{DesignRows, Expr};
 use fleetfoot_model::Prediction;
 use fleetfoot_pwa::{Options, Problem};
 use fleetfoot_stats::{Fold, FoldLayout, FoldRule, scan::Columns};
 
+use super::{options::NetworkOptions, window};
 use crate::error::Error;
 
 /// Rows that are read at once.
@@ -17,6 +18,8 @@ pub(super) struct Rows {
     pub(super) table: Table,
     /// Functions of the library that vary: the inputs.
     pub(super) inputs: Vec<usize>,
+    /// Steps of the recurrent cell among the inputs, where there is a cell.
+    pub(super) window: Option<Window>,
     /// Predictions of persistence, rows x targets; NaN where it predicts nothing.
     pub(super) persistence: Vec<f64>,
     pub(super) folds: Vec<Fold>,
@@ -31,7 +34,7 @@ impl Rows {
     /// Reads the complete rows, an even share of them where there are more than `most`.
     pub(super) fn read(
         problem: &Problem,
-        options: &Options,
+        (options, network): (&Options, &NetworkOptions),
         most: usize,
         source: &dyn Source,
         progress: &dyn Progress,
@@ -118,7 +121,24 @@ impl Rows {
         let values = values.chunks_exact(p + q).flat_map(|row| kept.iter().map(|&column| row[column])).collect();
         let table = Table::new(inputs.len(), q, values)?;
         let (count, rule) = layout.map_or((0, String::new()), |layout| (layout.folds(), layout.in_words()));
-        Ok(Self { table, inputs, persistence, folds, count, rule, complete })
+        let window = network.cell.map(|cell| {
+            let read: Vec<Expr> = inputs.iter().map(|&input| problem.library[input].clone()).collect();
+            Window { cell, steps: window::steps(&read) }
+        });
+        if window.as_ref().is_some_and(|window| window.steps.is_empty()) {
+            return Err(window::missing());
+        }
+        Ok(Self { table, inputs, window, persistence, folds, count, rule, complete })
+    }
+
+    /// A network of these rows.
+    pub(super) fn shape(&self, hidden: &[usize], options: &NetworkOptions) -> Shape {
+        Shape {
+            inputs: self.table.inputs(),
+            hidden: hidden.to_vec(),
+            activation: options.activation,
+            window: self.window.clone(),
+        }
     }
 
     /// Rows that train for a fold, and those that it holds out; all rows and none for `None`.

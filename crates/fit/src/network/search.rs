@@ -8,7 +8,7 @@ use super::{
     pace::Pace,
     report::{NetworkCandidate, NetworkErrors, mean_and_error},
     rows::Rows,
-    train::{Fitted, linear, network, solved},
+    train::{Fitted, linear, network, solved, units},
 };
 use crate::error::Error;
 
@@ -35,11 +35,11 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
     let splits: Vec<[Vec<usize>; 2]> = splits.into_iter().filter(|[_, held]| !held.is_empty()).collect();
     let loss = |errors: &[f64]| errors.iter().zip(&sigma).map(|(e, s)| e / (s * s)).sum::<f64>() / q as f64;
     let candidate = |hidden: &[usize], errors: &[Vec<f64>]| {
-        let shape = Shape { inputs: p, hidden: hidden.to_vec(), activation: options.activation, window: None };
+        let shape = rows.shape(hidden, options);
         let numbers = shape.parameters() + (1 + p + shape.features()) * q;
         let weights: Vec<f64> = splits.iter().map(|[_, held]| held.len() as f64).collect();
         NetworkCandidate::new(
-            hidden,
+            (options.cell, hidden),
             numbers,
             errors.iter().map(|fold_errors| loss(fold_errors)).collect(),
             pooled(errors, &weights),
@@ -58,10 +58,10 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
     let mut stopped = false;
     let sizes = options.sizes();
     let of_folds: Vec<usize> = splits.iter().map(|[train, _]| train.len()).collect();
-    let pace = Pace::measured(&sizes, options, (table, &all), &of_folds)?;
+    let pace = Pace::measured(&sizes, options, (rows, &all), &of_folds)?;
     progress.expect(pace.work());
     for (at, hidden) in sizes.into_iter().enumerate() {
-        let name = NetworkCandidate::name_of(&hidden);
+        let name = NetworkCandidate::name_of(options.cell, &hidden);
         let numbers = 1 + p + hidden.last().copied().unwrap_or(0);
         if least < 3 * numbers {
             let few = format!(
@@ -73,14 +73,14 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
             notes.push(few);
             break;
         }
-        let shape = Shape { inputs: p, hidden: hidden.clone(), activation: options.activation, window: None };
+        let shape = rows.shape(&hidden, options);
         let so_far = candidates.iter().map(|candidate| candidate.loss).fold(f64::INFINITY, f64::min);
         let stages =
             Stages::new(progress, format!("held-out loss so far {so_far:.2e}, at most {} left", pace.left(at)));
         stages.stage(&name);
         let fold = |at: usize| {
             let [train, held] = &splits[at];
-            let training = options.training(&hidden, train.len(), p, q);
+            let training = options.training(&shape, train.len(), q);
             match network(&shape, table, train, &training, &Quiet(progress)) {
                 Ok(fitted) => Ok((fitted.errors(table, held)?, (at == 0).then_some(fitted))),
                 Err(fleetfoot_learn::Error::Diverged) => Ok((vec![f64::INFINITY; q], None)),
@@ -112,8 +112,8 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
     let fitted = if chosen == 0 {
         unstoppable(|| linear(table, &all))?
     } else {
-        let training = options.training(&hidden, all.len(), p, q);
-        let shape = Shape { inputs: p, hidden, activation: options.activation, window: None };
+        let shape = rows.shape(&hidden, options);
+        let training = options.training(&shape, all.len(), q);
         progress.stage(&format!("{} on all rows", candidates[chosen].name));
         let whole =
             if stopped { Err(Error::Cancelled(Cancelled)) } else { again(&shape, rows, &all, &training, progress) };
@@ -123,7 +123,8 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
                     "stopped: the hidden layers are those of the first fold, which a part of the rows trained".into(),
                 );
                 unstoppable(|| {
-                    solved(&shape, parameters, ridge, (table, &all, Units::measured(table, &all)?), &Silent)
+                    let units = units(table, &all, shape.window.as_ref())?;
+                    solved(&shape, parameters, ridge, (table, &all, units), &Silent)
                 })?
             }
             (whole, _) => whole?,

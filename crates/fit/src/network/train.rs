@@ -1,7 +1,7 @@
 //! One network on some rows: hidden layers trained, the output layer solved; and the linear map on the same rows.
 
 use fleetfoot_data::{Progress, Silent, mix};
-use fleetfoot_learn::{Activation, Error, Output, Shape, Statistic, Table, Training, Units, statistic, train};
+use fleetfoot_learn::{Activation, Error, Output, Shape, Statistic, Table, Training, Units, Window, statistic, train};
 
 /// Parts that rows are cut into to say when to stop, and how many of them train between two that do not.
 const PARTS: usize = 40;
@@ -20,9 +20,16 @@ pub(super) struct Fitted {
     pub(super) sums: Statistic,
 }
 
-/// Units of some rows: those of the targets are deviations from the linear map, so that each counts alike; and the sums of that map.
-fn linear_sums(table: &Table, rows: &[usize]) -> Result<(Units, Statistic), Error> {
+/// Units of some rows; those of a column are the same in all steps of a window.
+pub(super) fn units(table: &Table, rows: &[usize], window: Option<&Window>) -> Result<Units, Error> {
     let mut units = Units::measured(table, rows)?;
+    window.into_iter().for_each(|window| window.share(&mut units));
+    Ok(units)
+}
+
+/// Units of some rows: those of the targets are deviations from the linear map, so that each counts alike; and the sums of that map.
+fn linear_sums(table: &Table, rows: &[usize], window: Option<&Window>) -> Result<(Units, Statistic), Error> {
+    let mut units = units(table, rows, window)?;
     let shape = Shape { inputs: table.inputs(), hidden: vec![1], activation: Activation::Tanh, window: None };
     let sums = |units: &Units| -> Result<Statistic, Error> {
         Ok(statistic(&shape, &shape.initial(0), &table.samples(rows, units), &Silent)?.linear())
@@ -39,7 +46,7 @@ fn linear_sums(table: &Table, rows: &[usize]) -> Result<(Units, Statistic), Erro
 
 /// The linear map.
 pub(super) fn linear(table: &Table, rows: &[usize]) -> Result<Fitted, Error> {
-    let (units, sums) = linear_sums(table, rows)?;
+    let (units, sums) = linear_sums(table, rows, None)?;
     Ok(Fitted { hidden: None, units, output: sums.solve(0.0)?, ridge: 0.0, sums })
 }
 
@@ -51,7 +58,7 @@ pub(super) fn network(
     training: &Training,
     progress: &dyn Progress,
 ) -> Result<Fitted, Error> {
-    let (units, _) = linear_sums(table, rows)?;
+    let (units, _) = linear_sums(table, rows, shape.window.as_ref())?;
     let stops = |at: usize| (at * PARTS / rows.len()) % EVERY == EVERY - 1;
     let part = |wanted: bool| {
         let mut part_rows: Vec<usize> =

@@ -52,7 +52,7 @@ def import_model(
     *,
     dt: float | None = None,
 ) -> Model:
-    """Makes a model of a feed-forward network that another program trained.
+    """Makes a model of a network that another program trained.
 
     Parameters
     ----------

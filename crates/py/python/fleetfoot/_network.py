@@ -1,4 +1,4 @@
-"""Feed-forward networks beside a linear map."""
+"""Feed-forward and recurrent networks beside a linear map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ._progress import Progress
 
 @documented
 class Network(Identifier):
-    """A feed-forward network beside a linear map, where it predicts held-out rows better; else the linear model.
+    """A network beside a linear map, where it predicts held-out rows better; else the linear model.
 
     Of several sizes, the linear model among them, the smallest is taken whose cross-validated error is above the least
     one by no more than one standard error of their ratio.
@@ -25,6 +25,9 @@ class Network(Identifier):
         Units of every hidden layer. When not given sizes are tried from small to large.
     activation : {"tanh", "relu", "softplus"}, default="tanh"
         What units do with their sums.
+    cell : {"none", "rnn", "gru", "lstm"}, default="none"
+        Recurrent cell that reads the past rows one after another, in place of hidden layers; ``hidden`` is then one
+        number of units.
     effort : {"low", "normal", "high"}, default="normal"
         Sizes that are tried, and the passes over rows that training takes.
     target : str, optional
@@ -68,6 +71,7 @@ class Network(Identifier):
         hidden: int | Sequence[int] | None = None,
         *,
         activation: Literal["tanh", "relu", "softplus"] = "tanh",
+        cell: Literal["none", "rnn", "gru", "lstm"] = "none",
         effort: Literal["low", "normal", "high"] = "normal",
         target: str | None = None,
         degree: int | None = None,
@@ -88,6 +92,7 @@ class Network(Identifier):
     ) -> None:
         self.hidden = hidden
         self.activation = activation
+        self.cell = cell
         self.effort = effort
         self.target = target
         self.degree = degree
@@ -106,6 +111,7 @@ class Network(Identifier):
         network = _recipe.without_none(
             hidden=hidden,
             activation=self._argument("activation"),
+            cell=self._argument("cell"),
             effort=self._argument("effort"),
             folds=self._whole("folds", 2),
             seed=self._whole("seed", 0),

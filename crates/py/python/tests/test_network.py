@@ -58,6 +58,33 @@ def test_the_command_writes_the_same_model(tmp_path):
     assert latents[0] == latents[1]
 
 
+def test_gru_matches_numpy():
+    rng = np.random.default_rng(2)
+    u = np.repeat(rng.uniform(-1, 1, 120), 10)
+    x = np.zeros(1200)
+    for k in range(1199):
+        x[k + 1] = 0.9 * x[k] + np.tanh(2 * u[k] * x[k - 1] + u[k])
+    fit = ff.Network(6, cell="gru", lags=2, effort="low", folds=2, states=["x"], inputs=["u"], dt=0.1)
+    fitted = fit.fit(ff.open({"x": x, "u": u}, dt=0.1))
+    assert fitted.report_["chosen"] == 1 and fitted.model_.method == "network gru 6"
+    latent = json.loads(fitted.model_.to_json())["model"]["latents"][0]
+    cell = latent["network"]["cell"]
+    # The library has x, u and their past row by row; the cell reads the oldest row first.
+    rows = np.column_stack([x[2:], u[2:], x[1:-1], u[1:-1], x[:-2], u[:-2]])
+    state, logistic = np.zeros((len(rows), 6)), lambda z: 1 / (1 + np.exp(-z))
+    weights = [np.array(cell[name], float) for name in ("input_weights", "state_weights", "biases")]
+    for step in cell["steps"]:
+        z = (rows[:, step] - cell["centre"]) / cell["scale"]
+        (r, u_gate, n), (hr, hu, hn) = (np.split(part, 3, axis=1) for part in (z @ weights[0].T + weights[2], state @ weights[1].T))
+        r, u_gate = logistic(r + hr), logistic(u_gate + hu)
+        state = (1 - u_gate) * np.tanh(n + r * (hn + cell["state_biases"])) + u_gate * state
+    delta = latent["constants"][0] + rows @ np.ravel(latent["coefficients"]) + state @ np.ravel(latent["network"]["weights"])
+    # One-step errors that the engine reports are those of the equations.
+    rmse = np.sqrt(np.mean((x[3:] - x[2:-1] - delta[:-1]) ** 2))
+    scored = fitted.model_.score(ff.open({"x": x, "u": u}, dt=0.1))
+    np.testing.assert_allclose(scored["targets"][0]["rmse"], rmse, rtol=1e-9)
+
+
 def test_untrainable_networks_are_refused():
     with pytest.raises(RequestError, match="units of every hidden layer"):
         fit(True, hidden=[0])

@@ -1,4 +1,4 @@
-//! `[network]`: feed-forward networks beside a linear map.
+//! `[network]`: feed-forward and recurrent networks beside a linear map.
 
 use std::{
     fmt::{self, Display, Formatter},
@@ -21,6 +21,21 @@ pub enum ActivationWord {
     Relu,
     /// log(1 + exp(z)).
     Softplus,
+}
+
+/// Recurrent cell in place of hidden layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum CellWord {
+    /// Hidden layers.
+    #[default]
+    None,
+    /// Recurrent network with tanh.
+    Rnn,
+    /// Gated recurrent unit.
+    Gru,
+    /// Long short-term memory.
+    Lstm,
 }
 
 /// Most units of a layer, and most layers.
@@ -77,6 +92,9 @@ settings! {
         /// Activation function of the hidden units (default: tanh).
         #[arg(long, value_enum, value_name = "FUNCTION")]
         pub activation: ActivationWord,
+        /// Recurrent cell that reads the past rows one after another, in place of hidden layers (default: none).
+        #[arg(long, value_enum, value_name = "CELL")]
+        pub cell: CellWord,
         /// Search effort, a count of work, never of seconds (default: normal).
         #[arg(long, value_enum, value_name = "EFFORT")]
         pub effort: Effort,
