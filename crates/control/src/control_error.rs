@@ -28,6 +28,20 @@ pub enum ControlError {
         /// The allowed values, in words.
         allowed: &'static str,
     },
+    /// Bounds that exclude the set point.
+    #[error(
+        "bounds: the set point {name} = {at} is not within {lowest} to {highest}: widen the bounds, or choose another set point"
+    )]
+    Excluded {
+        /// The state.
+        name: String,
+        /// Its set point.
+        at: f64,
+        /// Its lowest value.
+        lowest: f64,
+        /// Its highest value.
+        highest: f64,
+    },
     /// The model looks back.
     #[error(
         "the model reads earlier rows or time, so its columns are not its whole state: fit without lags, filters and time(), with derivatives or next values of states"

@@ -5,6 +5,8 @@
 
 mod differential_drive;
 mod pid;
+mod prediction;
+mod predictor;
 mod regulator;
 mod regulator_model;
 mod sampling;
@@ -13,6 +15,8 @@ mod treadmill_loop;
 
 pub use differential_drive::DifferentialDrive;
 pub use pid::{Pid, PidState};
+pub use prediction::{ErrorBound, PredictedStep, PredictedTarget, Prediction, PredictionTables};
+pub use predictor::MOST_SEQUENCES;
 pub use regulator::{
     DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
 };

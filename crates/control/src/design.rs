@@ -1,4 +1,5 @@
-//! Regulators of a model: set points that it can rest at, and the linear-quadratic law that keeps it there, region by region.
+//! Regulators of a model: set points that it can rest at, the linear-quadratic law that keeps it there, region by
+//! region, and the predictive controller that ends its plans by the cost of this law.
 //!
 //! ```
 //! use fleetfoot_control::design::{LqrOptions, lqr};
@@ -22,12 +23,15 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod assembled;
 mod coordinates;
 mod gains;
 mod lqr;
+mod mpc;
 mod options;
 mod requested;
 mod setpoint;
 
 pub use lqr::{Lqr, LqrRegion, SetPoint, lqr};
-pub use options::{LqrOptions, Named, Schedule};
+pub use mpc::mpc;
+pub use options::{LqrOptions, MOST_SAMPLES, MpcOptions, Named, Schedule};

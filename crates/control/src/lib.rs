@@ -23,6 +23,7 @@ mod filter_error;
 pub mod linear;
 mod named;
 mod pieces;
+pub mod predictive;
 
 pub use control_error::ControlError;
 pub use error::Error;

@@ -325,7 +325,7 @@ named! { Section Section<'static>:
 }
 
 named! { Command Command:
-    CONTROL_LQR "control lqr" FILTER "filter" FIT_NARX "fit narx" FIT_NETWORK "fit network" FIT_PARAMETERS "fit parameters" FIT_PWA "fit pwa" FIT_SINDY "fit sindy" FIT_SPARSE "fit sparse"
+    CONTROL_LQR "control lqr" CONTROL_MPC "control mpc" FILTER "filter" FIT_NARX "fit narx" FIT_NETWORK "fit network" FIT_PARAMETERS "fit parameters" FIT_PWA "fit pwa" FIT_SINDY "fit sindy" FIT_SPARSE "fit sparse"
     INFO "fleetfoot info" INFO_VALUES "fleetfoot info --values" INIT "fleetfoot init" PREPARE "fleetfoot prepare" ROLLOUT "fleetfoot rollout" SCAN "fleetfoot scan"
     SCORE "fleetfoot score" STATS_DROP "fleetfoot stats drop" STATS_INFO "fleetfoot stats info" STATS_MERGE "fleetfoot stats merge"
 }

@@ -104,7 +104,7 @@ pub struct Recipe {
     /// Training and choice of a network: defaults of the flags of `fit network`.
     #[serde(skip_serializing_if = "is_default")]
     pub network: NetworkSection,
-    /// Design of a regulator: defaults of the flags of `control lqr`.
+    /// Design of a controller: defaults of the flags of `control lqr` and `control mpc`.
     #[serde(skip_serializing_if = "is_default")]
     pub control: ControlSection,
     /// Options of the preparation of channels: defaults of the flags of `prepare`.

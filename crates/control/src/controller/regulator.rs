@@ -4,7 +4,7 @@ use fleetfoot_library::{Expr, Leaf, Program, Scope, Scratch};
 use fleetfoot_model::{RotationKind, Rule};
 use serde::{Deserialize, Serialize};
 
-use super::{Controller, ControllerState, ParameterError, check};
+use super::{Controller, ControllerState, ParameterError, Prediction, check, predictor::Predictor};
 use fleetfoot_dynamics::wrap;
 
 /// Stamps closer than this count as equal, s.
@@ -40,6 +40,10 @@ pub struct Regulator {
     pub partition: Option<RegionChoice>,
     /// One a region.
     pub laws: Vec<RegionLaw>,
+    /// Prediction, which makes the controller predictive: it plans inputs within their limits over a horizon, and the
+    /// laws' cost ends the plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<Prediction>,
 }
 
 /// A state that is fed back.
@@ -300,13 +304,15 @@ impl Controller for Regulator {
                 return Err(ParameterError::new("partition", partition.columns.join(", "), allowed));
             }
         }
-        self.check_shapes()
+        self.check_shapes()?;
+        self.prediction.as_ref().map_or(Ok(()), |prediction| prediction.validate(self))
     }
 
     fn start(&self) -> Box<dyn ControllerState> {
         Box::new(RegulatorState {
             law: self.clone(),
             chooser: self.compiled(),
+            predictor: self.prediction_tables().map(Predictor::new),
             next: 0.0,
             integrals: vec![0.0; self.integrated.len()],
             errors: vec![0.0; self.sizes().len()],
@@ -340,6 +346,7 @@ impl Chooser {
 struct RegulatorState {
     law: Regulator,
     chooser: Option<Chooser>,
+    predictor: Option<Predictor>,
     /// The number of the next sample.
     next: f64,
     integrals: Vec<f64>,
@@ -357,12 +364,17 @@ impl ControllerState for RegulatorState {
             Some(chooser) => chooser.region(columns, inputs),
             None => Some(0),
         };
-        let Some(law) = region.and_then(|region| self.law.laws.get(region)) else { return };
+        let Some(region) = region else { return };
         self.law.errors_in(columns, &mut self.errors);
         let measured = &columns[self.law.state_columns().count()..][..self.law.measured.len()];
         if self.errors.iter().chain(measured).any(|value| !value.is_finite()) {
             return;
         }
+        if self.predictor.is_some() {
+            self.predict(region, columns, inputs);
+            return;
+        }
+        let Some(law) = self.law.laws.get(region) else { return };
         let wanted = |integrals: &[f64], j: usize| {
             let mut value = law.inputs[j];
             for (gain, error) in law.gain[j].iter().zip(&self.errors) {
@@ -378,13 +390,7 @@ impl ControllerState for RegulatorState {
             }
             value
         };
-        let grown: Vec<f64> = self
-            .law
-            .integrated
-            .iter()
-            .zip(&self.integrals)
-            .map(|(&state, integral)| self.law.period.mul_add(self.errors[state], *integral))
-            .collect();
+        let grown = self.grown();
         // True if a longer integral would push a saturated input further outwards.
         let outwards = self.law.inputs.iter().enumerate().any(|(j, input)| {
             let (now, then) = (wanted(&self.integrals, j), wanted(&grown, j));
@@ -396,6 +402,48 @@ impl ControllerState for RegulatorState {
         for (j, (value, input)) in inputs.iter_mut().zip(&self.law.inputs).enumerate() {
             let wanted = wanted(&self.integrals, j);
             *value = wanted.max(input.lowest).min(input.highest);
+        }
+    }
+}
+
+impl RegulatorState {
+    /// The integrals after the present sample.
+    fn grown(&self) -> Vec<f64> {
+        let integrated = self.law.integrated.iter().zip(&self.integrals);
+        integrated.map(|(&state, integral)| self.law.period.mul_add(self.errors[state], *integral)).collect()
+    }
+
+    /// The commands of a plan from the present errors; `inputs` come with the commands of the sample before.
+    ///
+    /// Partition columns that are no states and no inputs keep their present values along the plan.
+    fn predict(&mut self, region: usize, columns: &[f64], inputs: &mut [f64]) {
+        let grown = self.grown();
+        // True if the regulator's feedback of longer integrals would push a saturated input further outwards.
+        let law = &self.law.laws[region];
+        let outwards = self.law.inputs.iter().zip(inputs.iter()).enumerate().any(|(j, (input, last))| {
+            let gains = law.integral.get(j).into_iter().flatten();
+            let push: f64 = gains.zip(grown.iter().zip(&self.integrals)).map(|(l, (then, now))| l * (now - then)).sum();
+            (*last >= input.highest && push > 0.0) || (*last <= input.lowest && push < 0.0)
+        });
+        if !outwards {
+            self.integrals = grown;
+        }
+        let Self { law, chooser, predictor, integrals, errors, .. } = self;
+        let Some(predictor) = predictor else { return };
+        let first = law.state_columns().count();
+        let measured: Vec<f64> =
+            law.measured.iter().zip(&columns[first..]).map(|(column, value)| value - column.at).collect();
+        let mut row = columns.to_vec();
+        let mut region_of = |errors: &[f64], inputs: &[f64]| {
+            for ((value, state), error) in row.iter_mut().zip(&law.states).zip(errors) {
+                *value = if state.angle { wrap(state.at + error) } else { state.at + error };
+            }
+            chooser.as_mut().map_or(Some(0), |chooser| chooser.region(&row, inputs))
+        };
+        let state = errors.iter().chain(integrals.iter()).copied();
+        predictor.plan(state, &measured, &mut region_of, inputs);
+        for (value, input) in inputs.iter_mut().zip(&law.inputs) {
+            *value = value.max(input.lowest).min(input.highest);
         }
     }
 }

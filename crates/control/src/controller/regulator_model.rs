@@ -51,6 +51,43 @@ impl Regulator {
         Ok(model)
     }
 
+    /// The measurements of the law as a model of outputs: the errors, the deviations of the further measurements from the
+    /// set point, and the partition columns. Its inputs are the columns that the law reads, then the inputs that it
+    /// drives; its partition is that of the law.
+    ///
+    /// # Errors
+    /// Those of [`Controller::validate`].
+    pub fn measurements(&self) -> Result<Model, ParameterError> {
+        self.validate()?;
+        let names = Names::new(self);
+        let (partition, mut regions) = self.regions();
+        // Statistics of a library: there is none.
+        for region in &mut regions {
+            region.mean.clear();
+            region.covariance.clear();
+            region.range.clear();
+            region.rank = 0;
+        }
+        let functions = self.functions(&Names { integrals: Vec::new(), ..Names::new(self) });
+        let functions: Vec<Expr> = functions.into_iter().chain(partition.columns.iter().cloned()).collect();
+        let read = names.read.iter().chain(&names.driven);
+        let mut columns: Vec<Column> = read.map(|name| Column::new(name.clone(), Role::Input)).collect();
+        let subject = |at: usize| format!("measurement {at}");
+        columns.extend((0..functions.len()).map(|at| Column::new(subject(at), Role::Auxiliary)));
+        let mut model = Model::new("regulator", columns, self.period, Training::default());
+        model.add_partition(partition, regions);
+        model.equations = (functions.into_iter().enumerate())
+            .map(|(at, right)| Equation {
+                subject: subject(at),
+                prediction: Prediction::Value,
+                right,
+                target: None,
+                unit: None,
+            })
+            .collect();
+        Ok(model)
+    }
+
     /// Errors of states, integrals, and deviations of the further measurements from the set point.
     fn functions(&self, names: &Names) -> Vec<Expr> {
         let from = |name: &String, at: f64| {

@@ -40,6 +40,18 @@ pub(super) struct Gains {
     scales: (Vec<f64>, Vec<f64>),
 }
 
+/// Answer to a constant disturbance.
+pub(super) struct Answer {
+    /// The errors at the nearest rest (n).
+    pub(super) errors: Vec<f64>,
+    /// The inputs there (m).
+    pub(super) inputs: Vec<f64>,
+    /// Inputs beside the feedback of errors about the set point (m).
+    pub(super) command: Vec<f64>,
+    /// True if the step can rest under the disturbance.
+    pub(super) rests: bool,
+}
+
 impl Weights {
     /// The step with the integrals `z+ = z + h e` behind the states, in sizes.
     fn extended(&self, a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> (Mat<f64>, Mat<f64>, Vec<f64>) {
@@ -99,13 +111,12 @@ impl Weights {
         })
     }
 
-    /// Inputs (m) that a constant disturbance d of the step requires, beside the feedback of errors about the set
-    /// point. The flag is true if the step can rest under it.
+    /// Inputs that a constant disturbance d of the step requires.
     ///
     /// First the nearest rest: the errors e and inputs v of least cost `e'Qe + v'Rv` with `(A - I) e + B v + d = 0`.
     /// Held states have no error if that is possible. Feedback then goes about e. The affine term of the optimal cost,
     /// `(R + B'XB)^-1 B' (I - (A - BK)')^-1 X d`, meets the part that no rest cancels.
-    pub(super) fn answer(&self, gains: &Gains, a: MatRef<'_, f64>, b: MatRef<'_, f64>, d: &[f64]) -> (Vec<f64>, bool) {
+    pub(super) fn answer(&self, gains: &Gains, a: MatRef<'_, f64>, b: MatRef<'_, f64>, d: &[f64]) -> Answer {
         let (n, m) = b.shape();
         let unit = |weight: f64, size: f64| 1.0 / weight.max(LEAST_WEIGHT / (size * size)).sqrt();
         let units: Vec<f64> = (self.q.iter().zip(&self.state_sizes).map(|(&q, &size)| unit(q, size)))
@@ -140,11 +151,18 @@ impl Weights {
         let rests = largest <= CANCELLED * sizeable.max(CANCELLED);
         let back = times(gains.state.as_ref(), &e);
         let further = if rests { vec![0.0; m] } else { gains.against(&left) };
-        ((0..m).map(|j| v[j] + back[j] - further[j]).collect(), rests)
+        let command = (0..m).map(|j| v[j] + back[j] - further[j]).collect();
+        Answer { errors: e, inputs: v, command, rests }
     }
 }
 
 impl Gains {
+    /// Cost X of errors and integrals, `x'X x`, in their units.
+    pub(super) fn cost(&self) -> Mat<f64> {
+        let sizes = &self.scales.1;
+        Mat::from_fn(sizes.len(), sizes.len(), |i, j| self.solved.x[(i, j)] / (sizes[i] * sizes[j]))
+    }
+
     /// The affine term of the optimal law for a constant disturbance of the states (n).
     fn against(&self, disturbance: &[f64]) -> Vec<f64> {
         let (inputs, sizes) = &self.scales;

@@ -4,18 +4,16 @@ use faer::Mat;
 use fleetfoot_model::{Model, Rule};
 
 use super::{
-    LqrOptions, Named, Schedule,
-    coordinates::{Coordinates, Of},
-    gains::{Gains, Weights},
+    LqrOptions, MpcOptions, Named, Schedule,
+    coordinates::Coordinates,
+    gains::{Answer, Gains, Weights},
     requested::{period, weights},
     setpoint::{Rest, Wanted, rest},
 };
 use crate::{
     Error,
     control_error::ControlError,
-    controller::{
-        Controller, DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
-    },
+    controller::{Controller, RegionChoice, RegionLaw, Regulator},
     linear::Mode,
     named::{find, indices},
     pieces::{Affine, Pieces},
@@ -78,21 +76,21 @@ pub struct LqrRegion {
 }
 
 /// A model, with the coordinates that are kept, driven and measured.
-struct Design<'a> {
-    pieces: &'a Pieces,
-    coordinates: Coordinates<'a>,
-    options: &'a LqrOptions,
-    period: f64,
+pub(super) struct Design<'a> {
+    pub(super) pieces: &'a Pieces,
+    pub(super) coordinates: Coordinates<'a>,
+    pub(super) options: &'a LqrOptions,
+    pub(super) period: f64,
     /// Places of the coordinates that are kept.
-    kept: Vec<usize>,
+    pub(super) kept: Vec<usize>,
     /// Start of the search for a set point, and marks of the given coordinates, then inputs.
     start: Vec<f64>,
     given: Vec<bool>,
     /// Indices of the inputs that are driven.
-    driven: Vec<usize>,
+    pub(super) driven: Vec<usize>,
     /// Indices of those that are not.
-    measured: Vec<usize>,
-    weights: Weights,
+    pub(super) measured: Vec<usize>,
+    pub(super) weights: Weights,
     notes: Vec<String>,
 }
 
@@ -102,6 +100,11 @@ struct Design<'a> {
 /// [`Error::Control`]: names that the model does not have, weights or a set point that are impossible, a model with
 /// lags. Those of [`fleetfoot_dynamics::Stepper::new`].
 pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
+    designed(model, options, None)
+}
+
+/// The regulator, with a prediction if there are options of one.
+pub(super) fn designed(model: &Model, options: &LqrOptions, predictive: Option<&MpcOptions>) -> Result<Lqr, Error> {
     let pieces = Pieces::new(model)?;
     let labelled = |index: usize| matches!(model.partitions[index].rule, Rule::Labels { .. });
     if pieces.partition.is_some_and(labelled) {
@@ -145,7 +148,11 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
         regions.push(about);
     }
     let partition = if by_region { pieces.partition.and_then(|_| choice(&pieces)) } else { None };
-    let regulator = design.regulator(&rest, laws, partition);
+    let mut regulator = design.regulator(&rest, laws, partition);
+    if let Some(options) = predictive {
+        let steps: Vec<&Affine> = steps.iter().map(|step| &step.2).collect();
+        regulator.prediction = Some(design.prediction(options, &steps, lender, &rest)?);
+    }
     Controller::validate(&regulator).map_err(fleetfoot_dynamics::Error::from)?;
     let setpoint = design.summary_of(&rest, region);
     Ok(Lqr { regulator, setpoint, regions, notes: design.notes })
@@ -313,12 +320,24 @@ impl<'a> Design<'a> {
     }
 
     /// The step of the states that are kept by the inputs that are driven.
-    fn kept_step(&self, step: &Affine) -> (Mat<f64>, Mat<f64>) {
+    pub(super) fn kept_step(&self, step: &Affine) -> (Mat<f64>, Mat<f64>) {
         let (kept, driven) = (&self.kept, &self.driven);
         (
             Mat::from_fn(kept.len(), kept.len(), |i, j| step.a[(kept[i], kept[j])]),
             Mat::from_fn(kept.len(), driven.len(), |i, j| step.b[(kept[i], driven[j])]),
         )
+    }
+
+    /// The motion of the kept coordinates in a step from the set point.
+    pub(super) fn moved(&self, step: &Affine, rest: &Rest) -> Vec<f64> {
+        let values = self.coordinates.values(&rest.x);
+        let next = step.at(&values, &rest.u);
+        self.kept.iter().map(|&at| next[at] - values[at]).collect()
+    }
+
+    /// The same, by a unit of an input.
+    pub(super) fn moved_by(&self, step: &Affine, input: usize) -> Vec<f64> {
+        self.kept.iter().map(|&at| step.b[(at, input)]).collect()
     }
 
     fn unreached(&self, step: &Affine) -> Vec<String> {
@@ -350,19 +369,13 @@ impl<'a> Design<'a> {
             let problem = format!("residual {:.1e}, closed loop's spectral radius {:.9}", gains.residual, gains.radius);
             return Err(untrusted(problem));
         }
-        let values = self.coordinates.values(&rest.x);
-        let next = step.at(&values, &rest.u);
-        let moved: Vec<f64> = self.kept.iter().map(|&at| next[at] - values[at]).collect();
-        let (corrections, rests) = self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved);
-        let inputs =
-            self.driven.iter().zip(&corrections).map(|(&input, correction)| rest.u[input] + correction).collect();
+        let Answer { command, rests, .. } =
+            self.weights.answer(&gains, a.as_ref(), b.as_ref(), &self.moved(step, rest));
+        let inputs = self.driven.iter().zip(&command).map(|(&input, correction)| rest.u[input] + correction).collect();
         let answers: Vec<Vec<f64>> = self
             .measured
             .iter()
-            .map(|&input| {
-                let moved: Vec<f64> = self.kept.iter().map(|&s| step.b[(s, input)]).collect();
-                self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved).0
-            })
+            .map(|&input| self.weights.answer(&gains, a.as_ref(), b.as_ref(), &self.moved_by(step, input)).command)
             .collect();
         let law = RegionLaw {
             inputs,
@@ -390,80 +403,6 @@ impl<'a> Design<'a> {
         let [re, im] = mode.eigenvalue;
         let eigenvalue = if im > 0.0 { format!("{re:.4} ± {im:.4}i") } else { format!("{re:.4}") };
         format!("a mode in {} (eigenvalue {eigenvalue} a sample)", parts.join(", "))
-    }
-
-    fn regulator(&self, rest: &Rest, laws: Vec<RegionLaw>, partition: Option<RegionChoice>) -> Regulator {
-        let pieces = self.pieces;
-        let limits = |name: &String| {
-            let given = self.options.limits.iter().find(|(limited, ..)| limited == name);
-            given.map_or((f64::MIN, f64::MAX), |&(_, lowest, highest)| (lowest, highest))
-        };
-        let angle = |state: usize| pieces.whole.model().columns[pieces.whole.state_column(state)].angle;
-        Regulator {
-            period: self.period,
-            states: self
-                .kept
-                .iter()
-                .filter_map(|&at| match self.coordinates.of[at].of {
-                    Of::State(s) => Some(RegulatedState {
-                        name: pieces.states[s].clone(),
-                        at: rest.x[s],
-                        size: pieces.size(s),
-                        angle: angle(s),
-                    }),
-                    Of::Turn { .. } => None,
-                })
-                .collect(),
-            rotations: self.rotations(rest),
-            inputs: self
-                .driven
-                .iter()
-                .map(|&i| {
-                    let (lowest, highest) = limits(&pieces.inputs[i]);
-                    DrivenInput { name: pieces.inputs[i].clone(), lowest, highest }
-                })
-                .collect(),
-            measured: self
-                .measured
-                .iter()
-                .map(|&i| MeasuredColumn {
-                    name: pieces.inputs[i].clone(),
-                    at: rest.u[i],
-                    size: pieces.size(pieces.states.len() + i),
-                })
-                .collect(),
-            integrated: self.weights.integrated.iter().map(|&(state, _)| state).collect(),
-            partition,
-            laws,
-        }
-    }
-
-    /// The rotations that are kept.
-    fn rotations(&self, rest: &Rest) -> Vec<RegulatedRotation> {
-        let kept: Vec<_> = self.kept.iter().map(|&at| &self.coordinates.of[at]).collect();
-        let one = |(at, group): (usize, &fleetfoot_dynamics::geometry::Group)| {
-            let turns = kept.iter().filter(|coordinate| matches!(coordinate.of, Of::Turn { group, .. } if group == at));
-            let size: Vec<f64> = turns.map(|coordinate| coordinate.size).collect();
-            Some(RegulatedRotation {
-                name: group.name.clone(),
-                kind: group.kind,
-                columns: group.places.iter().map(|&place| self.pieces.states[place].clone()).collect(),
-                at: self.coordinates.parts(at, &rest.x),
-                size: size.try_into().ok()?,
-            })
-        };
-        self.coordinates.groups.iter().enumerate().filter_map(one).collect()
-    }
-
-    fn summary_of(&self, rest: &Rest, region: Option<usize>) -> SetPoint {
-        let named = |names: &[String], values: &[f64]| names.iter().cloned().zip(values.iter().copied()).collect();
-        SetPoint {
-            states: named(&self.pieces.states, &rest.x),
-            inputs: named(&self.pieces.inputs, &rest.u),
-            region: if self.pieces.regions.len() > 1 { region } else { None },
-            drift: self.kept.iter().map(|&at| (self.coordinates.of[at].name.clone(), rest.drift[at])).collect(),
-            at_rest: rest.holds(),
-        }
     }
 }
 
@@ -493,6 +432,6 @@ fn given(
     Ok((start, given))
 }
 
-fn rows_of(matrix: &Mat<f64>) -> Vec<Vec<f64>> {
+pub(super) fn rows_of(matrix: &Mat<f64>) -> Vec<Vec<f64>> {
     (0..matrix.nrows()).map(|i| (0..matrix.ncols()).map(|j| matrix[(i, j)]).collect()).collect()
 }

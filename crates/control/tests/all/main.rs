@@ -5,5 +5,8 @@ mod common;
 mod controllers;
 mod estimated_noise;
 mod filters;
+mod interior;
+mod planned;
+mod predictive;
 mod regulated_rotations;
 mod regulators;

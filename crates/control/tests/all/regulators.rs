@@ -16,7 +16,7 @@ use fleetfoot_model::{Model, Partition, Prediction, Role, Rule};
 use proptest::prelude::*;
 
 /// x' = v, v' = u + w: a mass that wind moves.
-fn mass() -> Model {
+pub(crate) fn mass() -> Model {
     let columns = vec![
         column("x", Role::State, false),
         column("v", Role::State, false),
@@ -46,11 +46,11 @@ fn two_regions(by: &str, border: f64) -> Model {
 }
 
 /// Two regions by the sign of v.
-fn with_friction() -> Model {
+pub(crate) fn with_friction() -> Model {
     two_regions("v", 0.0)
 }
 
-fn at(named: &[(&str, f64)]) -> Vec<(String, f64)> {
+pub(crate) fn at(named: &[(&str, f64)]) -> Vec<(String, f64)> {
     named.iter().map(|&(name, value)| (name.to_owned(), value)).collect()
 }
 

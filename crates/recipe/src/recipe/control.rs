@@ -1,4 +1,4 @@
-//! `[control]`: settings of a regulator.
+//! `[control]`: settings of a controller.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,8 @@ pub enum ControlSchedule {
 
 settings! {
     control, |_, _| {};
-    /// Settings of a regulator. Every entry is the flag of `control lqr` of the same name.
+    /// Settings of a controller. Every entry is the flag of `control lqr` and `control mpc` of the same name; `horizon`
+    /// and `bounds` are flags of `control mpc` alone.
     pub struct ControlSection {
         /// Set point: values of states and inputs, `x=0,y=0`, also `roll(attitude)`, `pitch(attitude)`, `yaw(attitude)`
         /// of a rotation; the others follow from rest (default: none, the rest nearest to the training means).
@@ -51,5 +52,12 @@ settings! {
         /// Schedule of the laws over the regions (default: auto).
         #[arg(long, value_enum, value_name = "WHICH")]
         pub schedule: ControlSchedule,
+        /// Predictive control: samples that are planned ahead (default: 20).
+        #[arg(long, value_name = "SAMPLES")]
+        pub horizon: u64,
+        /// Predictive control: lowest and highest values of states, `y=-0.1:0.1`. Violations are punished, not
+        /// excluded (default: none).
+        #[arg(long, value_name = "STATE=LOW:HIGH,...", allow_hyphen_values = true)]
+        pub bounds: String,
     }
 }

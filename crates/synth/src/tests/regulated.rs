@@ -132,6 +132,7 @@ fn unknown_states_and_inputs_are_refused() {
             integral: Vec::new(),
             measured: Vec::new(),
         }],
+        prediction: None,
     };
     let refused = |world: &mut World, law: &_| world.regulate(law).unwrap_err().to_string();
     let text = refused(&mut world, &law);
