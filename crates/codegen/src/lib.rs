@@ -47,6 +47,7 @@ mod npz;
 mod onnx;
 mod options;
 mod plan;
+mod predictive;
 mod print;
 mod public;
 mod python;
@@ -65,6 +66,7 @@ pub use error::ExportError;
 pub use filter::export_filter;
 pub use onnx::{OnnxError, OnnxNetwork};
 pub use options::{ExportOptions, Precision, StepMethod, Target};
+pub use predictive::export_predictive;
 pub use vectors::{Signals, TestResult, TestVector, evaluate_at, signals, test_vectors};
 
 use fleetfoot_model::Model;

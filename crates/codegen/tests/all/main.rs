@@ -10,5 +10,6 @@ mod filter;
 #[path = "../../../model/tests/all/models.rs"]
 mod models;
 mod onnx;
+mod predictive;
 mod recurrent;
 mod transitions;
