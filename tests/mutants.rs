@@ -198,7 +198,7 @@ fn mutant(model: &Tree, seed: u64) -> String {
 }
 
 /// Every command that reads a model.
-const COMMANDS: [&str; 16] = [
+const COMMANDS: [&str; 17] = [
     "show m.json",
     "show m.json --transitions --json",
     "score m.json log.csv --episodes --plane x,v",
@@ -210,6 +210,7 @@ const COMMANDS: [&str; 16] = [
     "resimulate m.json short.csv --iterations 5",
     "report m.json log.csv -o report.html",
     "control lqr m.json -o c.json",
+    "control mpc m.json -o p.json",
     "export m.json --to c -o c",
     "export m.json --to rust -o rust",
     "export m.json --to python -o python",

@@ -127,3 +127,36 @@ fn impossible_regulators_are_refused() {
         moving.err
     );
 }
+
+#[test]
+fn predictive_controllers_run_and_become_code() {
+    let folder = fitted();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let mpc = |more: &[&str]| run(&[&["control", "mpc", "model.json", "--setpoint", "x=0,y=0"], more].concat());
+    let settings = ["--limits", "u_v=-0.5:0.5,u_w=-1:1", "--bounds", "w=-0.3:0.3", "--horizon", "25", "--json"];
+    let made = mpc(&[&settings[..], &["-o", "plan.json"]].concat()).ok().json();
+    assert_eq!((&made["kind"], &made["settings"]["horizon"]), (&serde_json::json!("mpc"), &serde_json::json!(25)));
+    let shown = run(&["show", "plan.json"]).ok().out;
+    for expected in ["predictive controller of the model", "plan: 25 samples (50.00 ms)", "w from -0.3000 to 0.3000"] {
+        assert!(shown.contains(expected), "{expected}: {shown}");
+    }
+    let closed = |threads: &str, output: &str| {
+        let arguments = ["rollout", "model.json", "run_2.csv", "--starts", "9", "--horizon", "1000", "--controller"];
+        let more = ["plan.json", "--threads", threads, "--json", "-o", output];
+        let report = run(&[&arguments[..], &more].concat()).ok().json();
+        (report, fs::read_to_string(folder.path().join(output)).expect("trajectories"))
+    };
+    let one = closed("1", "one.csv");
+    assert_eq!(one.0["driven_inputs"], serde_json::json!(["u_v", "u_w"]));
+    assert!(closed("7", "seven.csv") == one, "7 threads");
+
+    let report = run(&["export", "plan.json", "--to", "c", "--prefix", "plan", "-o", "src", "--json"]).ok().json();
+    assert_eq!(report["files"].as_array().expect("files").len(), 3, "{report}");
+    run(&["export", "plan.json", "--to", "python", "-o", "src"]).fails(&["predictive controllers are written as C"]);
+
+    mpc(&["--horizon", "0"]).fails(&["horizon", "1 to 200"]);
+    mpc(&["--bounds", "x=0.5:1"]).fails(&["set point x = 0", "widen the bounds"]);
+    mpc(&["--bounds", "z=0:1"]).fails(&["no kept state `z`"]);
+    mpc(&["--bounds", "x=1"]).fails(&["STATE=LOW:HIGH"]);
+    run(&["control", "lqr", "model.json", "--setpoint", "x=0,y=0", "--horizon", "20"]).fails(&["control mpc"]);
+}

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 pub(crate) use auto::Auto;
 pub(crate) use check::Check;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-pub(crate) use control::{Control, ControlLqr};
+pub(crate) use control::{Control, ControlDesign};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 pub(crate) use filter::Filter;
 use fleetfoot::{Lags, NetworkSection, PwaSection, whole};
@@ -442,7 +442,7 @@ pub(crate) struct Predict {
 
 #[derive(Debug, Args)]
 pub(crate) struct Show {
-    /// Model, or controller of `control lqr`.
+    /// Model, or controller of `control`.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
     /// Number of regions to print, the largest first.

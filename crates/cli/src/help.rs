@@ -27,7 +27,7 @@ const GROUPS: [(&str, &str); 6] = [
 /// Options that `-h` shows; `--help` shows all. A pair is the option of one command.
 const USUAL: &str = "recipe states inputs input predict degree lags partition library where output export effort hidden activation cell \
     optimizer threshold parameter to method setpoint q r measured seconds runs speed strict values topic \
-    rollout:horizon rollout:starts generate:format import:dt";
+    rollout:horizon rollout:starts mpc:horizon mpc:limits mpc:bounds generate:format import:dt";
 
 /// A command whose help has the groups, and the same for the commands below it.
 pub(crate) fn grouped(command: Command) -> Command {

@@ -74,6 +74,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Scan(arguments) => commands::scan::scan(arguments, &context),
         Command::Stats(arguments) => commands::stats::stats(arguments, &context),
         Command::Control(Control::Lqr(arguments)) => commands::control::lqr(arguments, &context),
+        Command::Control(Control::Mpc(arguments)) => commands::control::mpc(arguments, &context),
         Command::Score(arguments) => commands::score::score(arguments, &context),
         Command::Predict(arguments) => commands::predict::predict(arguments, &context),
         Command::Rollout(arguments) => commands::rollout::rollout(arguments, &context),

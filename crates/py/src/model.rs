@@ -146,6 +146,12 @@ impl Model {
         run(py, None, |_| fleetfoot::control_lqr(&self.model, &section).map(|made| made.to_json()))
     }
 
+    /// The predictive controller: the text of its file.
+    fn control_mpc(&self, py: Python<'_>, recipe_text: &str) -> PyResult<String> {
+        let section = of_json(recipe_text)?.control;
+        run(py, None, |_| fleetfoot::control_mpc(&self.model, &section).map(|made| made.to_json()))
+    }
+
     /// Writes the model's file, whole or not at all.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| fleetfoot::write_model(&self.model, &path)).or_raise(Kind::Write)
@@ -441,10 +447,8 @@ pub(crate) fn export_controller(
 ) -> PyResult<Vec<PathBuf>> {
     let mut options = export_options(target, prefix, precision, "rk4")?;
     options.domain = false;
-    let exported = run(py, None, |_| {
-        let model = fleetfoot::controller_file(text)?.law_model()?;
-        fleetfoot::export(&model, &options, &folder, &[])
-    })?;
+    let exported =
+        run(py, None, |_| fleetfoot::export_controller(&fleetfoot::controller_file(text)?, &options, &folder, &[]))?;
     Ok(exported.files)
 }
 

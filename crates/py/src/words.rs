@@ -45,6 +45,7 @@ impl Wording for Arguments {
             "fit sparse" => "BlockSparse",
             "fit parameters" => "Parameters",
             "control lqr" => "Model.lqr",
+            "control mpc" => "Model.mpc",
             "filter" => "Model.filter",
             "fleetfoot score" => "Model.score",
             "fleetfoot rollout" => "Model.rollout",

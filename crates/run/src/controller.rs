@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use fleetfoot_control::controller::{Controller, TreadmillLoop};
 use fleetfoot_data::nearest;
-use fleetfoot_data::setting::{CONTROL_LQR, CONTROLLER};
+use fleetfoot_data::setting::{CONTROL_LQR, CONTROL_MPC, CONTROLLER};
 use fleetfoot_dataset::Error as DatasetError;
 use fleetfoot_fit::Error;
 use fleetfoot_library::{Expr, Scope};
@@ -18,7 +18,7 @@ use crate::ControllerFile;
 const KINDS: [&str; 1] = ["treadmill"];
 
 /// A controller. `what` is its kind (`treadmill`), a TOML file with `kind` and its settings, a file that
-/// [`crate::control_lqr`] made, or the text of one. `settings` are `KEY=VALUE` and stand above those of a kind.
+/// [`crate::control_lqr`] or [`crate::control_mpc`] made, or the text of one. `settings` are `KEY=VALUE` and stand above those of a kind.
 ///
 /// # Errors
 /// A file that cannot be read or understood, an unknown kind or setting (with the nearest name), a value that cannot be used.
@@ -62,7 +62,7 @@ pub fn controller(what: &str, settings: &[String]) -> Result<Arc<dyn Controller>
 /// # Errors
 /// A `what` that is neither.
 pub fn controller_file(what: &str) -> Result<ControllerFile, Error> {
-    made(what)?.ok_or_else(|| refused(what, format!("no file that {CONTROL_LQR} made")))
+    made(what)?.ok_or_else(|| refused(what, format!("no file that {CONTROL_LQR} or {CONTROL_MPC} made")))
 }
 
 /// The same; `None` where it is none, whatever else it may be.
@@ -122,8 +122,10 @@ fn check_keys(table: &Table, known: &Table) -> Result<(), String> {
 
 fn read(path: &str) -> Result<Table, Error> {
     if !Path::new(path).is_file() {
-        let problem =
-            format!("neither a controller ({}) nor a TOML file nor one that {CONTROL_LQR} made", KINDS.join(", "));
+        let problem = format!(
+            "neither a controller ({}) nor a TOML file nor one that {CONTROL_LQR} or {CONTROL_MPC} made",
+            KINDS.join(", ")
+        );
         return Err(refused(path, problem));
     }
     let text = std::fs::read_to_string(path).map_err(|error| refused(path, error.to_string()))?;

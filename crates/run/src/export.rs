@@ -11,6 +11,8 @@ use fleetfoot_model::Model;
 use fleetfoot_output::{check_outputs, together, write_atomic};
 use fleetfoot_recipe::FilterSection;
 
+use crate::ControllerFile;
+
 /// Test vectors of exported C.
 const VECTORS: usize = 32;
 
@@ -45,6 +47,30 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
     let exported = fleetfoot_codegen::export(model, options, &vectors)?;
     let files = write(&exported.files, folder, inputs)?;
     Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
+}
+
+/// Writes the law of a controller in another language into a folder, as [`export`] writes a model; a predictive
+/// controller as C, whose test program holds the engine's commands.
+///
+/// # Errors
+/// Those of [`export`]; a predictive controller in another language than C.
+pub fn export_controller(
+    made: &ControllerFile,
+    options: &ExportOptions,
+    folder: &Path,
+    inputs: &[PathBuf],
+) -> Result<Exported, Error> {
+    if made.law.prediction.is_none() {
+        return export(&made.law_model()?, options, folder, inputs);
+    }
+    if options.target != Target::C {
+        return Err(Error::conflict(format!(
+            "predictive controllers are written as C: export with {given_to}",
+            given_to = TO.to("c")
+        )));
+    }
+    let files = write(&fleetfoot_codegen::export_predictive(&made.law, options)?, folder, inputs)?;
+    Ok(Exported { files, cost: None, compared: 0 })
 }
 
 /// Writes the filter of a model as C into a folder, by the settings of `[filter]`: `PREFIX_filter.h` and

@@ -12,9 +12,9 @@ mod project;
 mod resimulate;
 mod rows;
 
-pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, control_lqr};
+pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, control_lqr, control_mpc};
 pub use controller::{controller, controller_file, made_controller};
-pub use export::{Exported, engine_vectors, export, export_filter};
+pub use export::{Exported, engine_vectors, export, export_controller, export_filter};
 pub use filter::{
     DeviationFrom, Filtered, FilteredRows, SensorReport, SquareReport, TruthReport, filter, filter_of, filter_rows,
 };

@@ -10,12 +10,19 @@ use super::examples;
 #[derive(Debug, Subcommand)]
 pub(crate) enum Control {
     /// Linear-quadratic regulator that keeps a model at a set point, with a law for every region.
-    #[command(after_help = examples::CONTROL_LQR)]
-    Lqr(Box<ControlLqr>),
+    #[command(
+        after_help = examples::CONTROL_LQR,
+        mut_arg("horizon", |argument| argument.hide(true)),
+        mut_arg("bounds", |argument| argument.hide(true))
+    )]
+    Lqr(Box<ControlDesign>),
+    /// Predictive controller that plans inputs within their limits, from the model and weights of a regulator.
+    #[command(after_help = examples::CONTROL_MPC)]
+    Mpc(Box<ControlDesign>),
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct ControlLqr {
+pub(crate) struct ControlDesign {
     /// Model file.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,

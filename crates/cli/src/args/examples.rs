@@ -110,6 +110,11 @@ pub(crate) const CONTROL_LQR: &str = "\
 Examples:
   fleetfoot control lqr model.json --setpoint x=0,y=0 --limits u_v=0:1 --integral x=10 -o controller.json";
 
+pub(crate) const CONTROL_MPC: &str = "\
+Examples:
+  fleetfoot control mpc model.json --setpoint y=0,v=0.3 --limits v_command=0:1 --bounds y=-0.1:0.1 -o controller.json
+  fleetfoot rollout model.json run.parquet --horizon 500 --controller controller.json";
+
 pub(crate) const FILTER: &str = "\
 Examples:
   fleetfoot filter model.json run.parquet --measured x=0.01,yaw=0.02 -o estimates.parquet

@@ -3,26 +3,43 @@
 use std::cmp::Reverse;
 
 use fleetfoot::{
-    ControllerFile, ControllerRecord, Error, LqrRecord, Recipe, Settings,
+    ControlSection, ControllerFile, Error, LqrRecord, Model, Recipe, Settings,
     control::controller::{DrivenInput, RegionLaw},
-    control_lqr,
+    control_lqr, control_mpc,
 };
 
 use super::{Context, read_model};
 use crate::{
-    args::ControlLqr,
+    args::ControlDesign,
     table::{number, seconds, table},
 };
 
 /// Relative magnitude below which a coefficient is printed as 0.
 const ROUNDING: f64 = 1e-12;
 
-pub(crate) fn lqr(arguments: &ControlLqr, context: &Context) -> Result<(), Error> {
+pub(crate) fn lqr(arguments: &ControlDesign, context: &Context) -> Result<(), Error> {
+    if arguments.control.horizon.is_some() || arguments.control.bounds.is_some() {
+        return Err(Error::conflict(
+            "a regulator has no horizon and no bounds: use `control mpc`, or leave --horizon and --bounds out"
+                .to_owned(),
+        ));
+    }
+    design(arguments, context, control_lqr)
+}
+
+pub(crate) fn mpc(arguments: &ControlDesign, context: &Context) -> Result<(), Error> {
+    design(arguments, context, control_mpc)
+}
+
+/// A design of a controller from a model and settings.
+type Designed = fn(&Model, &ControlSection) -> Result<ControllerFile, Error>;
+
+fn design(arguments: &ControlDesign, context: &Context, designed: Designed) -> Result<(), Error> {
     let model = read_model(&arguments.model)?;
     let inputs: Vec<_> = arguments.recipe.iter().chain([&arguments.model]).cloned().collect();
     context.claim(std::slice::from_ref(&arguments.output), &inputs, false)?;
     let below = arguments.recipe.as_ref().map(|path| Recipe::read(path)).transpose()?.unwrap_or_default();
-    let made = control_lqr(&model, &arguments.control.clone().over(below.control))?;
+    let made = designed(&model, &arguments.control.clone().over(below.control))?;
     made.write(&arguments.output)?;
     context.notes(&made.notes);
     context.print(made.to_value(), || to_text(&made));
@@ -44,7 +61,31 @@ fn gains_text(made: &ControllerFile, gains: &[f64]) -> Vec<String> {
 
 /// The set point, the law of every region, and what is known of it.
 fn to_text(made: &ControllerFile) -> String {
-    format!("{}\n{}\n{}", set_point(made), laws(made, usize::MAX), certificates(made))
+    let lines = [Some(set_point(made)), plan(made), Some(laws(made, usize::MAX)), Some(certificates(made))];
+    lines.into_iter().flatten().collect::<Vec<_>>().join("\n")
+}
+
+fn word(made: &ControllerFile) -> &'static str {
+    if made.law.prediction.is_some() { "predictive controller" } else { "linear-quadratic regulator" }
+}
+
+/// The horizon and the bounds of a predictive controller, whose regulator's gains stand below.
+fn plan(made: &ControllerFile) -> Option<String> {
+    let prediction = made.law.prediction.as_ref()?;
+    let errors = made.law.errors();
+    let seconds_ahead = seconds(prediction.horizon as f64 * made.law.period);
+    let mut text = format!("plan: {} samples ({seconds_ahead})", prediction.horizon);
+    for bound in &prediction.bounds {
+        let at = made.law.states.get(bound.error).map_or(0.0, |state| state.at);
+        let end = |value: f64, open: bool| if open { "none".to_owned() } else { number(value + at) };
+        text += &format!(
+            "; {} from {} to {}",
+            errors[bound.error],
+            end(bound.lowest, bound.lowest <= f64::MIN),
+            end(bound.highest, bound.highest >= f64::MAX)
+        );
+    }
+    Some(text + "; while no limit and no bound is active, its command is that of the regulator:")
 }
 
 /// A controller for people: the same, with what it commands, and all gains of `most` regions, the largest first.
@@ -56,14 +97,14 @@ pub(super) fn describe(made: &ControllerFile, most: usize) -> String {
         true => input.name.clone(),
         false => format!("{} from {} to {}", input.name, number(input.lowest), number(input.highest)),
     };
-    let ControllerRecord::Lqr = made.kind else { return to_text(made) };
     let commands: Vec<String> = law.inputs.iter().map(command).collect();
     let mut lines = vec![
-        format!("linear-quadratic regulator of the model {} ({})", made.model, made.method),
+        format!("{} of the model {} ({})", word(made), made.model, made.method),
         format!("commands every {}: {}", seconds(law.period), commands.join(", ")),
         set_point(made),
-        laws(made, most),
     ];
+    lines.extend(plan(made));
+    lines.push(laws(made, most));
     let errors = law.errors();
     let integrals: Vec<String> = law.integrated.iter().map(|&error| format!("integral of {}", errors[error])).collect();
     if !integrals.is_empty() {

@@ -1,7 +1,5 @@
 //! `fleetfoot export`.
 
-use std::path::Path;
-
 use fleetfoot::{
     Error, Model, Recipe,
     codegen::{Cost, ExportOptions, Precision, StepMethod, Target},
@@ -26,14 +24,6 @@ struct Written<'a> {
     files: &'a [String],
 }
 
-/// A model, or a controller's law as one; whether its training domain can be checked.
-fn read(path: &Path) -> Result<(Model, bool), Error> {
-    match made_controller(path)? {
-        Some(made) => Ok((made.law_model()?, false)),
-        None => Ok((read_model(path)?, true)),
-    }
-}
-
 /// The filter of a model.
 fn filter(model: &Model, arguments: &Export, options: &ExportOptions, context: &Context) -> Result<(), Error> {
     let recipe = arguments.recipe.as_ref().map(|path| Recipe::read(path)).transpose()?.unwrap_or_default();
@@ -45,7 +35,7 @@ fn filter(model: &Model, arguments: &Export, options: &ExportOptions, context: &
 }
 
 pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error> {
-    let (model, checked) = read(&arguments.model)?;
+    let controller = made_controller(&arguments.model)?;
     let mut options = ExportOptions::new(match arguments.to {
         ExportTo::C => Target::C,
         ExportTo::Rust => Target::Rust,
@@ -64,14 +54,19 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
     };
     options.prefix.clone_from(&arguments.prefix);
     options.discretize = arguments.discretize;
-    options.domain = checked && !arguments.no_domain;
+    // A controller has no training domain.
+    options.domain = controller.is_none() && !arguments.no_domain;
     if arguments.filter {
-        return filter(&model, arguments, &options, context);
+        return filter(&read_model(&arguments.model)?, arguments, &options, context);
     }
     let before: Vec<_> = std::fs::read_dir(&arguments.output)
         .map(|entries| entries.flatten().map(|entry| entry.path()).collect())
         .unwrap_or_default();
-    let exported = fleetfoot::export(&model, &options, &arguments.output, std::slice::from_ref(&arguments.model))?;
+    let inputs = std::slice::from_ref(&arguments.model);
+    let exported = match &controller {
+        Some(made) => fleetfoot::export_controller(made, &options, &arguments.output, inputs)?,
+        None => fleetfoot::export(&read_model(&arguments.model)?, &options, &arguments.output, inputs)?,
+    };
     for file in exported.files.iter().filter(|file| before.contains(file)) {
         context.say(format!("note: {} was there and is replaced", file.display()));
     }

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 class Controller:
-    """Control law that keeps a model, or its robot, at a set point: the result of :meth:`Model.lqr`.
+    """Control law that keeps a model, or its robot, at a set point: the result of :meth:`Model.lqr` or
+    :meth:`Model.mpc`.
 
     :meth:`Model.rollout` uses it to close the loop around a model, :func:`fleetfoot.generate` around a simulated
     robot. The command line reads its file.
@@ -50,7 +51,10 @@ class Controller:
 
     @property
     def gains(self) -> Array:
-        """K by region, (regions, inputs, states): ``u = u_i - K_i (x - x*) - ...``."""
+        """K by region, (regions, inputs, states): ``u = u_i - K_i (x - x*) - ...``.
+
+        Those of a predictive controller hold while no limit and no bound is active.
+        """
         return np.array([law["gain"] for law in self.law["laws"]], dtype=float)
 
     @classmethod
@@ -90,7 +94,8 @@ class Controller:
         """Writes the law in another language, as :meth:`Model.export` writes a model.
 
         In the code, ``x`` are the driven inputs and the integrals, ``u`` the measurements. A step is one sample,
-        after which the first of ``x`` are the commands. A missing measurement leaves them unchanged.
+        after which the first of ``x`` are the commands. A missing measurement leaves them unchanged. A predictive
+        controller is written as C only, with its commands in ``command``.
 
         Parameters
         ----------

@@ -63,6 +63,29 @@ def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
     assert [name.rsplit("/", 1)[-1] for name in files] == ["law.h", "law.c", "law_test.c"]
 
 
+def test_plans_keep_limits_and_bounds(mass, tmp_path):
+    linalg = pytest.importorskip("scipy.linalg", reason="the peer")
+    weights = {"q": {"x": 4.0, "v": 0.5}, "r": {"u": 0.1}}
+    law = mass.mpc({"x": 1.0}, horizon=40, limits={"u": (-1, 1)}, bounds={"v": (-0.2, 0.2)}, **weights)
+    a, b = np.array([[1, 0.01], [0, 1]]), np.array([[0.0], [0.01]])
+    p = linalg.solve_discrete_are(a, b, np.diag([4.0, 0.5]), np.array([[0.1]]))
+    np.testing.assert_allclose(law.law["prediction"]["terminal"], p, rtol=1e-6)
+    assert (law.gains == mass.lqr({"x": 1.0}, limits={"u": (-1, 1)}, **weights).gains).all()
+    t = np.arange(0, 12, 0.01)
+    rows = {"t": t, "x": 0 * t, "v": 0 * t, "u": 0 * t}
+    path = mass.rollout(rows, 1100, starts=1, controller=law, keep=True)["trajectories"][0]["x"]
+    # A violation that saves the heaviest error, 1 m, is a ten-thousandth of it in sizes.
+    assert np.abs(path[:, 1]).max() < 0.201 and abs(path[-1, 0] - 1) < 0.02
+    files = law.export("c", tmp_path / "src", prefix="law")
+    assert [name.rsplit("/", 1)[-1] for name in files] == ["law.h", "law.c", "law_test.c"]
+    with pytest.raises(ff.exceptions.ModelError):
+        law.export("python", tmp_path / "src")
+    with pytest.raises(ff.exceptions.ModelError, match="1 to 200"):
+        mass.mpc({"x": 1.0}, horizon=0)
+    with pytest.raises(ff.exceptions.ModelError, match="widen the bounds"):
+        mass.mpc({"x": 1.0}, bounds={"x": (-1, 0.5)})
+
+
 def test_wrong_arguments_are_named(mass):
     with pytest.raises(ff.exceptions.ModelError, match="did you mean"):
         mass.lqr({"xx": 1.0})

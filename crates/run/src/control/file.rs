@@ -4,9 +4,9 @@ use std::path::Path;
 
 use fleetfoot_control::{
     controller::{Controller, Regulator},
-    design::{LqrRegion, SetPoint},
+    design::Lqr,
 };
-use fleetfoot_data::setting::CONTROL_LQR;
+use fleetfoot_data::setting::{CONTROL_LQR, CONTROL_MPC};
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_output::write_atomic;
@@ -49,6 +49,8 @@ pub struct ControllerFile {
 pub enum ControllerRecord {
     /// The linear-quadratic regulator.
     Lqr,
+    /// The predictive controller.
+    Mpc,
 }
 
 /// A set point, as text.
@@ -98,19 +100,13 @@ struct Envelope {
 }
 
 impl ControllerFile {
-    pub(super) fn of_lqr(
-        model: &Model,
-        settings: ControlSection,
-        law: Regulator,
-        setpoint: &SetPoint,
-        regions: Vec<LqrRegion>,
-        notes: Vec<String>,
-    ) -> Self {
+    pub(super) fn of(kind: ControllerRecord, model: &Model, settings: ControlSection, designed: Lqr) -> Self {
+        let Lqr { regulator: law, setpoint, regions, notes, .. } = designed;
         let map = |named: &[(String, f64)]| named.iter().cloned().collect();
         let finite = |value: f64| value.is_finite().then_some(value);
         let name = |region: usize| regions.get(region).map_or_else(|| region.to_string(), |region| region.name.clone());
         Self {
-            kind: ControllerRecord::Lqr,
+            kind,
             law,
             model: model.hash(),
             method: model.method.clone(),
@@ -161,12 +157,12 @@ impl ControllerFile {
         }
         let refused = |problem: String| Error::value(format!("controller {name}: {problem}"));
         let syntax = |error: serde_json::Error| {
-            refused(format!("not a fleetfoot controller: {error}; make it again with {CONTROL_LQR}"))
+            refused(format!("not a fleetfoot controller: {error}; make it again with {CONTROL_LQR} or {CONTROL_MPC}"))
         };
         let head: Head = serde_json::from_str(text).map_err(syntax)?;
         if head.fleetfoot_controller != FORMAT {
             return Err(refused(format!(
-                "controller format {}, this version reads format {FORMAT}; make it again with {CONTROL_LQR}",
+                "controller format {}, this version reads format {FORMAT}; make it again with {CONTROL_LQR} or {CONTROL_MPC}",
                 head.fleetfoot_controller
             )));
         }
@@ -191,8 +187,8 @@ impl ControllerFile {
         Self::from_json(&text, &name)
     }
 
-    /// The law as a model, of which [`crate::export`] makes code; its training range has no meaning
-    /// ([`fleetfoot_codegen::ExportOptions::domain`]).
+    /// The law as a model, of which [`crate::export`] makes code; of a predictive controller that of its regulator. Its
+    /// training range has no meaning ([`fleetfoot_codegen::ExportOptions::domain`]).
     ///
     /// # Errors
     /// A law that cannot be used.
