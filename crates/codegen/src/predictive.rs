@@ -30,6 +30,9 @@ use template::Template;
 /// Residual of a solved program in 32 bits: some hundred roundings of inputs of the order of 1.
 const SOLVED_FLOAT: f64 = 1e-4;
 
+/// Mean complementarity in 32 bits at which the interior-point method ends.
+const CENTRED_FLOAT: f64 = 1e-4;
+
 /// A predictive controller that is written in C.
 struct Predictive<'a> {
     c: C<'a>,
@@ -260,7 +263,7 @@ impl Predictive<'_> {
                 ("last_steps", LAST_STEPS.to_string()),
                 ("iterations", MOST_ITERATIONS.to_string()),
                 ("sequences", MOST_SEQUENCES.to_string()),
-                ("centred", number(if float { CENTRED.sqrt() } else { CENTRED })),
+                ("centred", number(if float { CENTRED_FLOAT } else { CENTRED })),
                 ("inside", number(INSIDE)),
                 ("unlimited", number(UNLIMITED)),
                 ("period", number(self.law.period)),

@@ -142,15 +142,15 @@ static void $p_divide_(const $t factor[$P_NU * $P_NU], $t *b, size_t columns)
     }
 }
 
-/* Riccati's recursion at a sample: the best feedback of its free inputs. */
+/* Riccati's recursion at a sample: the feedback of its free inputs. */
 static void $p_feedback_($p_controller *s, size_t k)
 {
     const $t *a = &$p_a[s->sequence[k] * $P_NX * $P_NX];
     const $t *b = &$p_b[s->sequence[k] * $P_NX * $P_NU];
     const bool *fixed = &s->fixed[k * $P_NU];
     $t *gain = &s->gain[k * $P_NU * $P_NX];
-    $t *constant = &s->constant[k * $P_NU];
-    $t factor[$P_NU * $P_NU];
+    $t *factor = &s->factor[k * $P_NU * $P_NU];
+    $t *cross = &s->cross[k * $P_NU * $P_NX];
     bool any = false;
     for (size_t j = 0; j < $P_NU; ++j) {
         any = any || fixed[j];
@@ -198,31 +198,36 @@ static void $p_feedback_($p_controller *s, size_t k)
             for (size_t l = 0; l < $P_NX; ++l) {
                 sum += b[l * $P_NU + j] * s->cost_a[l * $P_NX + i];
             }
-            s->cross[j * $P_NX + i] = fixed[j] ? 0.0@ : sum;
+            cross[j * $P_NX + i] = fixed[j] ? 0.0@ : sum;
+            gain[j * $P_NX + i] = -cross[j * $P_NX + i];
         }
     }
     $p_cholesky_(factor);
-    for (size_t j = 0; j < $P_NU; ++j) {
-        $t sum = s->input_slopes[k * $P_NU + j];
-        for (size_t i = 0; i < $P_NX; ++i) {
-            sum += b[i * $P_NU + j] * s->slope[i];
-        }
-        constant[j] = fixed[j] ? 0.0@ : -sum;
-        for (size_t i = 0; i < $P_NX; ++i) {
-            gain[j * $P_NX + i] = -s->cross[j * $P_NX + i];
-        }
-    }
-    $p_divide_(factor, constant, 1);
     for (size_t i = 0; i < $P_NX; ++i) {
         $p_divide_(factor, &gain[i], $P_NX);
     }
 }
 
-/* Riccati's recursion between samples: the cost of the state of sample k. */
-static void $p_earlier_($p_controller *s, size_t k)
+/* The constant of the feedback of sample k. */
+static void $p_constant_($p_controller *s, size_t k)
+{
+    const $t *b = &$p_b[s->sequence[k] * $P_NX * $P_NU];
+    $t *constant = &s->constant[k * $P_NU];
+    for (size_t j = 0; j < $P_NU; ++j) {
+        $t sum = s->input_slopes[k * $P_NU + j];
+        for (size_t i = 0; i < $P_NX; ++i) {
+            sum += b[i * $P_NU + j] * s->slope[i];
+        }
+        constant[j] = s->fixed[k * $P_NU + j] ? 0.0@ : -sum;
+    }
+    $p_divide_(&s->factor[k * $P_NU * $P_NU], constant, 1);
+}
+
+/* The slope of the cost of the state of sample k. */
+static void $p_earlier_slope_($p_controller *s, size_t k)
 {
     const $t *a = &$p_a[s->sequence[k] * $P_NX * $P_NX];
-    const $t *gain = &s->gain[k * $P_NU * $P_NX];
+    const $t *cross = &s->cross[k * $P_NU * $P_NX];
     $t later[$P_NX];
     for (size_t j = 0; j < $P_NX; ++j) {
         $t sum = s->slopes[k * $P_NX + j];
@@ -230,19 +235,29 @@ static void $p_earlier_($p_controller *s, size_t k)
             sum += a[i * $P_NX + j] * s->slope[i];
         }
         for (size_t l = 0; l < $P_NU; ++l) {
-            sum += s->cross[l * $P_NX + j] * s->constant[k * $P_NU + l];
+            sum += cross[l * $P_NX + j] * s->constant[k * $P_NU + l];
         }
         later[j] = sum;
     }
     for (size_t j = 0; j < $P_NX; ++j) {
         s->slope[j] = later[j];
+    }
+}
+
+/* The curvature of the cost of the state of sample k. */
+static void $p_earlier_cost_($p_controller *s, size_t k)
+{
+    const $t *a = &$p_a[s->sequence[k] * $P_NX * $P_NX];
+    const $t *gain = &s->gain[k * $P_NU * $P_NX];
+    const $t *cross = &s->cross[k * $P_NU * $P_NX];
+    for (size_t j = 0; j < $P_NX; ++j) {
         for (size_t i = 0; i <= j; ++i) {
             $t sum = (i == j) ? $p_weight[j] : 0.0@;
             for (size_t l = 0; l < $P_NX; ++l) {
                 sum += a[l * $P_NX + j] * s->cost_a[l * $P_NX + i];
             }
             for (size_t l = 0; l < $P_NU; ++l) {
-                sum += s->cross[l * $P_NX + j] * gain[l * $P_NX + i];
+                sum += cross[l * $P_NX + j] * gain[l * $P_NX + i];
             }
             s->cost[j * $P_NX + i] = sum;
             s->cost[i * $P_NX + j] = sum;
@@ -250,25 +265,34 @@ static void $p_earlier_($p_controller *s, size_t k)
     }
 }
 
-/* The move of the free inputs that minimises the second-order model of slopes and curvatures. */
-static void $p_minimise_($p_controller *s)
+/* The move of the free inputs that minimises the second-order model of slopes and curvatures. If only slopes are other
+   than before, `fresh` is false, no input is fixed, and the factors are those of before. */
+static void $p_minimise_($p_controller *s, bool fresh)
 {
-    for (size_t i = 0; i < $P_NX * $P_NX; ++i) {
-        s->cost[i] = $p_terminal[i];
+    if (fresh) {
+        for (size_t i = 0; i < $P_NX * $P_NX; ++i) {
+            s->cost[i] = $p_terminal[i];
+        }
     }
     for (size_t i = 0; i < $P_NX; ++i) {
         s->slope[i] = s->slopes[$P_N * $P_NX + i];
         s->displaced[i] = 0.0@;
     }
     for (size_t k = $P_N; k-- > 0;) {
+        if (fresh) {
 %if bounds
-        for (size_t bound = 0; bound < $P_NB; ++bound) {
-            s->cost[$p_bound_state[bound] * ($P_NX + 1)] += s->bound_curvature[k * $P_NB + bound];
-        }
+            for (size_t bound = 0; bound < $P_NB; ++bound) {
+                s->cost[$p_bound_state[bound] * ($P_NX + 1)] += s->bound_curvature[k * $P_NB + bound];
+            }
 %end
-        $p_feedback_(s, k);
+            $p_feedback_(s, k);
+        }
+        $p_constant_(s, k);
         if (k > 0) {
-            $p_earlier_(s, k);
+            $p_earlier_slope_(s, k);
+            if (fresh) {
+                $p_earlier_cost_(s, k);
+            }
         }
     }
     for (size_t k = 0; k < $P_N; ++k) {
@@ -314,7 +338,7 @@ static void $p_find_($p_controller *s, bool predicted, $t near)
         }
     }
 %end
-    $p_minimise_(s);
+    $p_minimise_(s, true);
 }
 
 /* The objective's change by s->change without the linear part. */
@@ -497,7 +521,7 @@ static $t $p_complementarity_(const $p_controller *s, $t share)
 }
 
 /* Moves of plan, slacks and multipliers for the wanted centring; the longest share that keeps them positive. */
-static $t $p_step_inside_($p_controller *s)
+static $t $p_step_inside_($p_controller *s, bool fresh)
 {
     $t share = 1.0@;
     $t room;
@@ -532,7 +556,7 @@ static $t $p_step_inside_($p_controller *s)
             s->input_slopes[y] += slope;
         }
     }
-    $p_minimise_(s);
+    $p_minimise_(s, fresh);
     for (size_t at = 0; at < $P_NI; ++at) {
         if ($p_inequality_(s, at, &room, &softness, &y)) {
             const $t sign = (at % 2 == 1) ? 1.0@ : -1.0@;
@@ -601,12 +625,12 @@ static void $p_approach_($p_controller *s)
         for (size_t at = 0; at < $P_NI; ++at) {
             s->centring[at] = -s->slack[at] * s->multiplier[at];
         }
-        const $t ratio = $p_complementarity_(s, $p_step_inside_(s)) / mean;
+        const $t ratio = $p_complementarity_(s, $p_step_inside_(s, true)) / mean;
         const $t centre = ratio * ratio * ratio * mean;
         for (size_t at = 0; at < $P_NI; ++at) {
             s->centring[at] += centre - s->slack_move[at] * s->multiplier_move[at];
         }
-        const $t share = $inside * $p_step_inside_(s);
+        const $t share = $inside * $p_step_inside_(s, false);
         ++s->steps;
         for (size_t i = 0; i < $P_N * $P_NU; ++i) {
             s->plan[i] += share * s->move[i];

@@ -37,9 +37,10 @@ pub(super) struct Direction {
     /// Second derivative of the later cost by the state (n x n), and its gradient (n).
     cost: Vec<f64>,
     slope: Vec<f64>,
-    /// P A (n x n), P B (n x m), B'P B + R and its Cholesky factor (m x m), B'P A (m x n).
+    /// P A (n x n), P B (n x m).
     cost_a: Vec<f64>,
     cost_b: Vec<f64>,
+    /// Cholesky factor of B'P B + R (N x m x m), B'P A (N x m x n).
     factor: Vec<f64>,
     cross: Vec<f64>,
     /// Vectors of n.
@@ -62,8 +63,8 @@ impl Direction {
             slope: vec![0.0; n],
             cost_a: vec![0.0; n * n],
             cost_b: vec![0.0; n * m],
-            factor: vec![0.0; m * m],
-            cross: vec![0.0; m * n],
+            factor: vec![0.0; horizon * m * m],
+            cross: vec![0.0; horizon * m * n],
             driven: vec![0.0; n],
             later: vec![0.0; n],
         }
@@ -129,12 +130,13 @@ impl Solver {
             let x = self.path[n * (at / count + 1) + bound.state];
             *curvature = if x > bound.highest || x < bound.lowest { bound.weight } else { 0.0 };
         }
-        self.minimise(program, instance);
+        self.minimise(program, instance, true);
     }
 
-    /// The move of the free inputs that minimises the second-order model of slopes and curvatures.
-    pub(super) fn minimise(&mut self, program: &Program, instance: &Instance<'_>) {
-        self.backward(program, instance);
+    /// The move of the free inputs that minimises the second-order model of slopes and curvatures. If only slopes are
+    /// other than before, `fresh` is false, no input is fixed, and the factors are those of before.
+    pub(super) fn minimise(&mut self, program: &Program, instance: &Instance<'_>, fresh: bool) {
+        self.backward(program, instance, fresh);
         self.forward(program, instance);
     }
 
@@ -160,7 +162,7 @@ impl Solver {
     }
 
     /// Riccati's recursion: the second-order model of the later cost, and the best feedback of the free inputs.
-    fn backward(&mut self, program: &Program, instance: &Instance<'_>) {
+    fn backward(&mut self, program: &Program, instance: &Instance<'_>, fresh: bool) {
         let (n, m, last) = (program.states(), program.inputs(), program.horizon);
         let Direction {
             step: moves,
@@ -183,61 +185,62 @@ impl Solver {
         cost.copy_from_slice(&program.terminal);
         slope.copy_from_slice(&self.slopes[n * last..]);
         for k in (0..last).rev() {
-            for (b, bound) in program.bounds.iter().enumerate() {
-                cost[(n + 1) * bound.state] += bound_curvature[program.bounds.len() * k + b];
-            }
             let step = &program.steps[instance.sequence[k]];
             let (fixed, moves) = (&fixed[m * k..][..m], &moves[m * k..][..m]);
-            // What fixed inputs do to the later state.
-            if fixed.contains(&true) {
-                for i in 0..n {
-                    driven[i] = 0.0;
-                    for j in 0..m {
-                        driven[i] += step.b[m * i + j] * moves[j];
-                    }
-                }
-                for i in 0..n {
-                    for l in 0..n {
-                        slope[i] += cost[n * i + l] * driven[l];
-                    }
-                }
-            }
-            product(cost, &step.a, n, cost_a);
-            product(cost, &step.b, m, cost_b);
-            for j in 0..m {
-                for l in 0..=j {
-                    let mut sum = if l == j { program.input_weights[j] + input_curvature[m * k + j] } else { 0.0 };
-                    for i in 0..n {
-                        sum += step.b[m * i + j] * cost_b[m * i + l];
-                    }
-                    factor[m * j + l] = match (fixed[j] || fixed[l], j == l) {
-                        (false, _) => sum,
-                        (true, true) => 1.0,
-                        (true, false) => 0.0,
-                    };
-                }
-                for i in 0..n {
-                    let mut sum = 0.0;
-                    for l in 0..n {
-                        sum += step.b[m * l + j] * cost_a[n * l + i];
-                    }
-                    cross[n * j + i] = if fixed[j] { 0.0 } else { sum };
-                }
-            }
-            cholesky(factor, m);
             let (gain, constant) = (&mut gain[n * m * k..][..n * m], &mut constant[m * k..][..m]);
+            let (factor, cross) = (&mut factor[m * m * k..][..m * m], &mut cross[n * m * k..][..n * m]);
+            if fresh {
+                for (b, bound) in program.bounds.iter().enumerate() {
+                    cost[(n + 1) * bound.state] += bound_curvature[program.bounds.len() * k + b];
+                }
+                // What fixed inputs do to the later state.
+                if fixed.contains(&true) {
+                    for i in 0..n {
+                        driven[i] = 0.0;
+                        for j in 0..m {
+                            driven[i] += step.b[m * i + j] * moves[j];
+                        }
+                    }
+                    for i in 0..n {
+                        for l in 0..n {
+                            slope[i] += cost[n * i + l] * driven[l];
+                        }
+                    }
+                }
+                product(cost, &step.a, n, cost_a);
+                product(cost, &step.b, m, cost_b);
+                for j in 0..m {
+                    for l in 0..=j {
+                        let mut sum = if l == j { program.input_weights[j] + input_curvature[m * k + j] } else { 0.0 };
+                        for i in 0..n {
+                            sum += step.b[m * i + j] * cost_b[m * i + l];
+                        }
+                        factor[m * j + l] = match (fixed[j] || fixed[l], j == l) {
+                            (false, _) => sum,
+                            (true, true) => 1.0,
+                            (true, false) => 0.0,
+                        };
+                    }
+                    for i in 0..n {
+                        let mut sum = 0.0;
+                        for l in 0..n {
+                            sum += step.b[m * l + j] * cost_a[n * l + i];
+                        }
+                        cross[n * j + i] = if fixed[j] { 0.0 } else { sum };
+                        gain[n * j + i] = -cross[n * j + i];
+                    }
+                }
+                cholesky(factor, m);
+                divide(factor, m, gain, n);
+            }
             for j in 0..m {
                 let mut sum = input_slopes[m * k + j];
                 for i in 0..n {
                     sum += step.b[m * i + j] * slope[i];
                 }
                 constant[j] = if fixed[j] { 0.0 } else { -sum };
-                for i in 0..n {
-                    gain[n * j + i] = -cross[n * j + i];
-                }
             }
             divide(factor, m, constant, 1);
-            divide(factor, m, gain, n);
             if k == 0 {
                 break;
             }
@@ -252,17 +255,19 @@ impl Solver {
                 later[j] = sum;
             }
             slope.copy_from_slice(later);
-            for j in 0..n {
-                for i in 0..=j {
-                    let mut sum = if i == j { program.weights[j] } else { 0.0 };
-                    for l in 0..n {
-                        sum += step.a[n * l + j] * cost_a[n * l + i];
+            if fresh {
+                for j in 0..n {
+                    for i in 0..=j {
+                        let mut sum = if i == j { program.weights[j] } else { 0.0 };
+                        for l in 0..n {
+                            sum += step.a[n * l + j] * cost_a[n * l + i];
+                        }
+                        for l in 0..m {
+                            sum += cross[n * l + j] * gain[n * l + i];
+                        }
+                        cost[n * j + i] = sum;
+                        cost[n * i + j] = sum;
                     }
-                    for l in 0..m {
-                        sum += cross[n * l + j] * gain[n * l + i];
-                    }
-                    cost[n * j + i] = sum;
-                    cost[n * i + j] = sum;
                 }
             }
         }

@@ -109,13 +109,13 @@ impl Solver {
             for at in 0..self.interior.slack.len() {
                 self.interior.centring[at] = -self.interior.slack[at] * self.interior.multiplier[at];
             }
-            let share = self.step_inside(program, instance);
+            let share = self.step_inside(program, instance, true);
             let ratio = self.complementarity(program, instance, share).0 / mean;
             let centre = ratio * ratio * ratio * mean;
             for at in 0..self.interior.slack.len() {
                 self.interior.centring[at] += centre - self.interior.slack_move[at] * self.interior.multiplier_move[at];
             }
-            let share = INSIDE * self.step_inside(program, instance);
+            let share = INSIDE * self.step_inside(program, instance, false);
             for (v, step) in self.plan.iter_mut().zip(&self.direction.step) {
                 *v += share * step;
             }
@@ -145,8 +145,8 @@ impl Solver {
     }
 
     /// Moves of plan, slacks and multipliers for the wanted centring; the longest share up to 1 that keeps slacks and
-    /// multipliers positive.
-    fn step_inside(&mut self, program: &Program, instance: &Instance<'_>) -> f64 {
+    /// multipliers positive. `fresh` is that of [`Solver::minimise`].
+    fn step_inside(&mut self, program: &Program, instance: &Instance<'_>, fresh: bool) -> f64 {
         self.slopes.copy_from_slice(&self.interior.slopes);
         self.direction.input_slopes.copy_from_slice(&self.interior.input_slopes);
         self.direction.input_curvature.fill(0.0);
@@ -166,7 +166,7 @@ impl Solver {
                 self.slopes[inequality.y] += slope;
             }
         }
-        self.minimise(program, instance);
+        self.minimise(program, instance, fresh);
         let mut share = 1.0;
         for at in 0..self.interior.slack.len() {
             let Some(inequality) = inequality(program, instance, at) else { continue };
