@@ -2,6 +2,11 @@
 
 use std::{f64::consts::PI, fmt::Write as _, fs, path::Path};
 
+use fleetfoot::{
+    message::write::{Float64MultiArray, Header, Odometry, Time},
+    output::{McapOptions, McapWriter},
+};
+
 use crate::runner::*;
 
 /// A robot on a plane that drives and turns: place, heading, their rates, and two commands; rows of 10 ms.
@@ -78,6 +83,86 @@ fn faults_in_sound_logs_have_their_names() {
     assert!(degrees.contains(&("unit".into(), "yaw".into())), "{degrees:?}");
     let at_rest = faults_after(&|_, row| row[1..].fill(1.0));
     assert!(at_rest.contains(&("at-rest".into(), "all states".into())), "{at_rest:?}");
+}
+
+#[test]
+fn plain_faults_are_found_with_their_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let rows = sound(2000, 0.0);
+    let report = |change: &dyn Fn(usize, &mut [f64; 9])| {
+        let mut rows = rows.clone();
+        rows.iter_mut().enumerate().for_each(|(at, row)| change(at, row));
+        fs::write(path.join("log.csv"), text(&rows)).unwrap();
+        fleetfoot(path, &["check", "log.csv"]).ok().out
+    };
+    // The row counts from 1, as its stamp from 0.
+    let spike = report(&|at, row| row[4] = if at == 812 { 1000.0 } else { row[4] });
+    assert!(spike.contains("vx: 1 of its 2000 values is far from both neighbours, most of all 1000"), "{spike}");
+    assert!(
+        spike.contains("in row 813 of log.csv, 8.120 s after its first") && spike.contains("1 finding."),
+        "{spike}"
+    );
+    let clipped = report(&|_, row| row[6] = (20.0 * row[6]).clamp(-1.0, 1.0));
+    assert!(clipped.contains("yaw_rate: ") && clipped.contains("are at -1 or 1, the ends of its range"), "{clipped}");
+    // A held input of any values.
+    let held = report(&|at, row| row[8] = (1e4 * ((at / 17 + 1) as f64).sin()).fract());
+    assert!(held.contains("Nothing wrong was found."), "{held}");
+    for (place, rate) in [("pos", "vel"), ("theta", "omega"), ("angle", "rate"), ("p", "v")] {
+        let mut text = format!("t,{place},{rate}\n");
+        for row in 0..2000 {
+            let t = 0.01 * f64::from(row);
+            let rate = |t: f64| t.cos() + 0.93 * (3.1 * t).cos();
+            let _ = writeln!(text, "{t:.2},{:.9},{:.9}", t.sin() + 0.3 * (3.1 * t).sin(), rate(t - 0.05));
+        }
+        fs::write(path.join("late.csv"), text).unwrap();
+        let late = fleetfoot(path, &["check", "late.csv"]).ok().out;
+        assert!(late.contains(&format!("{rate}: it lags by 0.0500 s (5 rows) behind `{place}`")), "{late}");
+    }
+}
+
+#[test]
+fn backward_and_repeated_stamps_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let rows = sound(600, 0.0);
+    let found = |rows: &[[f64; 9]]| faults(path, &text(rows), &["--time", "t"]);
+    let of_log = |fault: &str| vec![(fault.to_owned(), "log.csv".to_owned())];
+    let reversed: Vec<[f64; 9]> = rows.iter().rev().copied().collect();
+    assert_eq!(found(&reversed), of_log("backward"));
+    let mut repeated = rows.clone();
+    repeated.insert(301, rows[300]);
+    assert_eq!(found(&repeated), of_log("repeated"));
+    // A second session, whose clock begins anew.
+    let sessions: Vec<[f64; 9]> = rows.iter().chain(&rows).copied().collect();
+    assert_eq!(found(&sessions), []);
+}
+
+#[test]
+fn topics_without_overlap_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut writer = McapWriter::create(&path.join("run.mcap"), &McapOptions::default()).unwrap();
+    let once = writer.channel::<Float64MultiArray<'_>>("/odom_limits").unwrap();
+    let odom = writer.channel::<Odometry<'_>>("/odom").unwrap();
+    let start = 1_790_000_000_000_000_000;
+    writer.write(once, start, start, &Float64MultiArray { data: &[1.0, 2.0], ..Float64MultiArray::default() }).unwrap();
+    for (row, [_, x, y, _, vx, ..]) in sound(1000, 0.0).into_iter().enumerate() {
+        let log = start + 500_000_000 + row as i64 * 10_000_000;
+        let header = Header { stamp: Time::from_nanoseconds(log).unwrap(), frame_id: "odom" };
+        let mut message = Odometry { header, child_frame_id: "base_link", ..Odometry::default() };
+        (message.pose.position, message.twist.linear) = ([x, y, 0.0], [vx, 0.0, 0.0]);
+        writer.write(odom, log, log, &message).unwrap();
+    }
+    writer.finish().unwrap();
+    let report = fleetfoot(path, &["check", "run.mcap", "--json"]).ok().json();
+    let findings = report["findings"].as_array().unwrap();
+    let apart = findings.iter().find(|finding| finding["fault"] == "no-overlap").unwrap();
+    assert_eq!(apart["place"], "/odom_limits");
+    assert!((apart["value"].as_f64().unwrap() - 0.5).abs() < 1e-6, "{apart}");
+    let names = report["channels"].as_array().unwrap().iter().map(|channel| channel["name"].as_str().unwrap());
+    let names: Vec<&str> = names.collect();
+    assert!(names.contains(&"/odom.pose.pose.position.x") && names.iter().all(|name| !name.contains("limits")));
 }
 
 #[test]

@@ -1,7 +1,5 @@
 //! Sums of every channel from one pass over the rows, and the faults that they show: dead, stuck, saturated, coarse, gross errors.
 
-use std::ops::Range;
-
 use fleetfoot_data::setting::{HAMPEL, JOIN, PREPARE, WHERE};
 use fleetfoot_data::{Block, ColumnKind, Halo, Progress, Source};
 use fleetfoot_dataset::Error;
@@ -12,14 +10,12 @@ use crate::{
     Channel, Part,
     finding::{Fault, Finding},
     sample::Sample,
+    sums::{AtEnd, EXTREME, Farthest, Sums, Usual},
 };
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
-/// Distance from both neighbours, in usual steps, from which on a value is a gross error, while the neighbours are near
-/// to each other. Errors of a smaller share of the rows are ignored.
-const FAR: f64 = 20.0;
-const NEIGHBOURS: f64 = 0.3;
+/// Share of rows from which on values far from both neighbours are gross errors, though none of them is extreme.
 const GROSS: f64 = 2e-3;
 /// A standstill of so many rows and so many seconds, of a channel that changes in this share of its rows, is one.
 const STILL_ROWS: u64 = 50;
@@ -27,6 +23,10 @@ const STILL_SECONDS: f64 = 0.5;
 const LIVELY: f64 = 0.9;
 /// Share of rows at the end of the range, in runs of three and more.
 const AT_END: f64 = 0.02;
+/// Rows between two ends, at least: a switched input crosses in fewer.
+const CROSSING: u64 = 5;
+/// Steps that lead to the end of a range, in the smallest steps: a rounded value that settles there comes by one.
+const ABRUPT: f64 = 3.0;
 /// Standard deviations in a step of values.
 const COARSE: f64 = 0.05;
 /// Share of values that may be missing.
@@ -52,143 +52,13 @@ pub struct ChannelSummary {
     pub moves: f64,
 }
 
-/// Sums of a channel, in the order of its rows.
-#[derive(Debug, Clone)]
-pub(crate) struct Sums {
-    rows: u64,
-    missing: u64,
-    mean: f64,
-    squares: f64,
-    least: f64,
-    most: f64,
-    /// Rows at the least and at the greatest value, in runs of three and more.
-    at_least: u64,
-    at_most: u64,
-    /// Rows in which the value changes.
-    changes: u64,
-    /// The smallest change between two rows.
-    step: f64,
-    /// The longest run of one value.
-    longest: u64,
-    gross: u64,
-    /// The run at the end of the sums: its value and rows.
-    run: (f64, u64),
-}
-
-impl Default for Sums {
-    fn default() -> Self {
-        Self {
-            rows: 0,
-            missing: 0,
-            mean: 0.0,
-            squares: 0.0,
-            least: f64::INFINITY,
-            most: f64::NEG_INFINITY,
-            at_least: 0,
-            at_most: 0,
-            changes: 0,
-            step: f64::INFINITY,
-            longest: 0,
-            gross: 0,
-            run: (f64::NAN, 0),
-        }
-    }
-}
-
-impl Sums {
-    /// Adds the rows of a tile; `all` has the neighbours, `core` is the range of the rows.
-    fn add(&mut self, all: &[f64], core: Range<usize>, usual_step: f64) {
-        for at in core {
-            let value = all[at];
-            if !value.is_finite() {
-                self.missing += 1;
-                self.end_run();
-                continue;
-            }
-            self.rows += 1;
-            let delta = value - self.mean;
-            self.mean += delta / self.rows as f64;
-            self.squares += delta * (value - self.mean);
-            if value < self.least {
-                (self.least, self.at_least) = (value, 0);
-            }
-            if value > self.most {
-                (self.most, self.at_most) = (value, 0);
-            }
-            let before = at.checked_sub(1).map_or(f64::NAN, |at| all[at]);
-            let after = all.get(at + 1).copied().unwrap_or(f64::NAN);
-            let [back, ahead] = [value - before, value - after];
-            if back != 0.0 && back.is_finite() {
-                self.changes += 1;
-                self.step = self.step.min(back.abs());
-            }
-            let limit = FAR * usual_step;
-            let least = back.abs().min(ahead.abs());
-            if limit > 0.0 && back * ahead > 0.0 && least > limit && (before - after).abs() < NEIGHBOURS * least {
-                self.gross += 1;
-            }
-            if value == self.run.0 {
-                self.run.1 += 1;
-            } else {
-                self.end_run();
-                self.run = (value, 1);
-            }
-        }
-    }
-
-    /// Counts the run that ends.
-    fn end_run(&mut self) {
-        let (value, rows) = self.run;
-        self.longest = self.longest.max(rows);
-        if rows >= 3 && value == self.least {
-            self.at_least += rows;
-        }
-        if rows >= 3 && value == self.most {
-            self.at_most += rows;
-        }
-        self.run = (f64::NAN, 0);
-    }
-
-    /// Merges the sums behind.
-    fn merge(&mut self, mut other: Self) {
-        other.end_run();
-        let rows = (self.rows + other.rows).max(1) as f64;
-        let delta = other.mean - self.mean;
-        self.squares += other.squares + delta * delta * self.rows as f64 * other.rows as f64 / rows;
-        self.mean += delta * other.rows as f64 / rows;
-        let end = |ours: f64, count: u64, other: f64, others: u64| match ours.total_cmp(&other) {
-            std::cmp::Ordering::Equal => count + others,
-            std::cmp::Ordering::Less => count,
-            std::cmp::Ordering::Greater => others,
-        };
-        self.at_least = end(self.least, self.at_least, other.least, other.at_least);
-        self.at_most = end(-self.most, self.at_most, -other.most, other.at_most);
-        (self.least, self.most) = (self.least.min(other.least), self.most.max(other.most));
-        self.rows += other.rows;
-        self.missing += other.missing;
-        self.changes += other.changes;
-        self.step = self.step.min(other.step);
-        self.longest = self.longest.max(other.longest);
-        self.gross += other.gross;
-    }
-
-    pub(crate) fn deviation(&self) -> f64 {
-        if self.rows == 0 { f64::NAN } else { (self.squares / self.rows as f64).sqrt() }
-    }
-
-    fn moves(&self) -> f64 {
-        self.changes as f64 / self.rows.max(1) as f64
-    }
-
-    /// Returns true if the channel has one value in all rows.
-    pub(crate) fn is_dead(&self) -> bool {
-        self.rows > 0 && self.least == self.most
-    }
-}
-
 /// Sums of all channels.
 pub(crate) struct Channels {
     sums: Vec<Sums>,
+    /// Places of the values that are farthest from both neighbours, in words.
+    places: Vec<String>,
+    /// Steps of the channels whose values lie on a grid.
+    grids: Vec<Option<f64>>,
     /// Rows that were read.
     rows: u64,
 }
@@ -202,7 +72,9 @@ impl Channels {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         progress.stage("channels");
-        let steps: Vec<f64> = (0..channels.len()).map(|at| sample.usual_step(at)).collect();
+        let usual: Vec<Usual> =
+            (0..channels.len()).map(|at| Usual { step: sample.usual_step(at), span: sample.usual_span(at) }).collect();
+        let grids = (0..channels.len()).map(|at| sample.grid(at)).collect();
         let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(view.episodes());
         let mut sums = vec![Sums::default(); channels.len()];
         let halo = Halo { before: 1, after: 1 };
@@ -212,10 +84,11 @@ impl Channels {
             halo,
             progress,
             || vec![Sums::default(); channels.len()],
-            |part_sums: &mut Vec<Sums>, _, block: &Block, rows| -> Result<(), Error> {
+            |part_sums: &mut Vec<Sums>, chunk, block: &Block, rows| -> Result<(), Error> {
                 let core = block.before + rows.start..block.before + rows.end;
-                for ((sum, channel), step) in part_sums.iter_mut().zip(channels).zip(&steps) {
-                    sum.add(block.column(channel.place), core.clone(), *step);
+                let first = (chunk.episode, block.first - block.before);
+                for ((sum, channel), usual) in part_sums.iter_mut().zip(channels).zip(&usual) {
+                    sum.add(block.column(channel.place), core.clone(), *usual, first);
                 }
                 Ok(())
             },
@@ -224,7 +97,9 @@ impl Channels {
                 Ok(())
             },
         )?;
-        Ok(Self { sums, rows: view.rows() as u64 })
+        let places = sums.iter().map(|sum| sum.farthest.map_or(Ok(String::new()), |farthest| place(view, &farthest)));
+        let places = places.collect::<Result<_, Error>>()?;
+        Ok(Self { sums, places, grids, rows: view.rows() as u64 })
     }
 
     pub(crate) fn of(&self, channel: usize) -> &Sums {
@@ -246,7 +121,7 @@ impl Channels {
 
     pub(crate) fn findings(&self, channels: &[Channel], step: f64) -> Vec<Finding> {
         let mut findings: Vec<Finding> =
-            channels.iter().zip(&self.sums).flat_map(|(channel, sums)| self.of_channel(channel, sums, step)).collect();
+            channels.iter().enumerate().flat_map(|(at, channel)| self.of_channel(channel, at, step)).collect();
         let states = || channels.iter().zip(&self.sums).filter(|(channel, _)| channel.part != Part::Input);
         if states().count() > 0 && states().all(|(_, sums)| sums.rows == 0 || sums.is_dead()) {
             findings.retain(|finding| finding.fault != Fault::Dead);
@@ -260,7 +135,8 @@ impl Channels {
         findings
     }
 
-    fn of_channel(&self, channel: &Channel, sums: &Sums, step: f64) -> Vec<Finding> {
+    fn of_channel(&self, channel: &Channel, at: usize, step: f64) -> Vec<Finding> {
+        let sums = &self.sums[at];
         let name = channel.column.name.as_str();
         let mut findings = Vec::new();
         let mut push = |fault, value: (f64, String), mend: &dyn std::fmt::Display| {
@@ -308,15 +184,17 @@ impl Channels {
             return findings;
         }
         let rows = sums.rows as f64;
-        let gross = sums.gross as f64 / rows;
-        if gross > GROSS {
+        if let Some((farthest, count)) = gross_errors(sums) {
             push(
                 Fault::GrossErrors,
                 (
-                    gross,
+                    count as f64 / rows,
                     format!(
-                        "{:.2} % of its values differ from both neighbours by {FAR} usual steps or more",
-                        100.0 * gross
+                        "{count} of its {} values {} far from both neighbours, most of all {} in {}",
+                        sums.rows,
+                        if count == 1 { "is" } else { "are" },
+                        farthest.value,
+                        self.places[at]
                     ),
                 ),
                 &format_args!("{prepare_command} takes them out", prepare_command = PREPARE.with(HAMPEL.to(5))),
@@ -334,25 +212,27 @@ impl Channels {
                 &format_args!("leave these rows out ({WHERE})"),
             );
         }
-        let few_levels = (sums.most - sums.least) / sums.step < 3.5;
-        let at_end = sums.at_least.max(sums.at_most) as f64 / rows;
-        if channel.part != Part::Input && !few_levels && at_end > AT_END && sums.moves() > 0.5 {
-            let end = if sums.at_least > sums.at_most { sums.least } else { sums.most };
+        if let Some((share, ends)) = saturation(sums).filter(|_| channel.part != Part::Input) {
+            let place = if ends.len() > 1 { "the ends" } else { "the end" };
+            let ends: Vec<String> = ends.iter().map(f64::to_string).collect();
             push(
                 Fault::Saturated,
-                (at_end, format!("{:.1} % of its rows are at {end}, the end of its range", 100.0 * at_end)),
+                (
+                    share,
+                    format!("{:.1} % of its rows are at {}, {place} of its range", 100.0 * share, ends.join(" or ")),
+                ),
                 &format_args!("leave these rows out ({WHERE}); a sensor with a wider range measures them"),
             );
         }
-        let coarse = sums.step / sums.deviation();
-        if channel.part != Part::Input && !few_levels && coarse > COARSE && sums.moves() < 0.5 {
+        let grid = self.grids[at].filter(|grid| !has_few_levels(sums, *grid) && sums.moves() < 0.5);
+        if let Some(grid) = grid.filter(|grid| channel.part != Part::Input && grid / sums.deviation() > COARSE) {
+            let coarse = grid / sums.deviation();
             push(
                 Fault::Quantised,
                 (
                     coarse,
                     format!(
-                        "its steps of {:.3e} are {coarse:.2} standard deviations, and most rows repeat the value above",
-                        sums.step
+                        "its steps of {grid:.3e} are {coarse:.2} standard deviations, and most rows repeat the value above"
                     ),
                 ),
                 &format_args!("{PREPARE} smooths it; derivatives of it are steps"),
@@ -362,54 +242,84 @@ impl Channels {
     }
 }
 
+/// Values far from both neighbours: the farthest of them and their number. Few of them are a fault if the farthest is
+/// also extreme for the whole channel, of which the sample has seen a part.
+fn gross_errors(sums: &Sums) -> Option<(Farthest, u64)> {
+    let farthest = sums.farthest?;
+    let is_extreme = sums.extreme > 0 && farthest.distance > EXTREME * sums.deviation();
+    let is_usual = sums.far as f64 > GROSS * sums.rows as f64;
+    (is_extreme || is_usual).then_some((farthest, if is_usual { sums.far } else { sums.extreme }))
+}
+
+/// The share of the rows at the ends of the range at which a channel saturates, and these ends.
+fn saturation(sums: &Sums) -> Option<(f64, Vec<f64>)> {
+    let (rows, changes) = (sums.rows as f64, sums.changes as f64);
+    // Zero is also the value of rest: of a speed, a pedal, a force.
+    let is_rest = |end: f64| end == 0.0 && sums.moves() < 0.5;
+    let is_reached = |(end, at_end): &(f64, AtEnd)| {
+        at_end.rows as f64 > AT_END * rows
+            && at_end.entries > ABRUPT * sums.step * at_end.visits as f64
+            && !is_rest(*end)
+    };
+    let ends: Vec<(f64, AtEnd)> =
+        [(sums.least, sums.at_least), (sums.most, sums.at_most)].into_iter().filter(is_reached).collect();
+    let at_ends: u64 = ends.iter().map(|(_, at_end)| at_end.rows).sum();
+    let visits: u64 = ends.iter().map(|(_, at_end)| at_end.visits).sum();
+    let between = sums.rows - at_ends;
+    let is_lively = changes > 0.5 * between as f64 && between >= CROSSING * visits;
+    (!ends.is_empty() && is_lively && !has_few_levels(sums, sums.step))
+        .then(|| (at_ends as f64 / rows, ends.iter().map(|(end, _)| *end).collect()))
+}
+
+/// Returns true if the range has room for three steps of values at most.
+fn has_few_levels(sums: &Sums, step: f64) -> bool {
+    (sums.most - sums.least) / step < 3.5
+}
+
+/// The place of a row: its number, the log, and its time.
+fn place(view: &dyn Source, Farthest { episode, row, .. }: &Farthest) -> Result<String, Error> {
+    let name = &view.episodes()[*episode].name;
+    let block = view.read(*episode, *row..*row + 1, Halo::default())?;
+    let seconds = (block.stamps()[0] - block.start) as f64 * 1e-9;
+    Ok(format!("row {} of {name}, {seconds:.3} s after its first", row + 1))
+}
+
 #[cfg(test)]
 mod tests {
     use fleetfoot_data::Column;
-    use proptest::prelude::*;
 
     use super::*;
+    use crate::sample::Stretch;
 
-    fn summed(values: &[f64], cuts: &[usize]) -> Sums {
-        let mut sum = Sums::default();
-        let mut from = 0;
-        for &to in cuts.iter().chain([&values.len()]) {
-            let mut part = Sums::default();
-            part.add(values, from..to, 0.01);
-            sum.merge(part);
-            from = to;
-        }
-        sum
+    /// Faults of a channel with these values, and their numbers.
+    fn found(values: Vec<f64>) -> Vec<(Fault, f64)> {
+        let time = (0..values.len()).map(|row| 0.01 * row as f64).collect();
+        let sample = Sample { stretches: vec![Stretch { time, columns: vec![values.clone()] }] };
+        let usual = Usual { step: sample.usual_step(0), span: sample.usual_span(0) };
+        let (mut sums, mut whole) = (Sums::default(), Sums::default());
+        sums.add(&values, 0..values.len(), usual, (0, 0));
+        whole.merge(sums);
+        let rows = values.len() as u64;
+        let channels = Channels { sums: vec![whole], places: vec!["a row".into()], grids: vec![sample.grid(0)], rows };
+        let channel = Channel { column: Column::float("x"), place: 0, part: Part::Open, angle: false };
+        channels.of_channel(&channel, 0, 0.01).iter().map(|finding| (finding.fault, finding.value)).collect()
     }
 
-    proptest! {
-        /// Counts and moments do not depend on where chunks end; runs are those of a chunk.
-        #[test]
-        fn chunks_do_not_matter(values in proptest::collection::vec(-9i8..9, 2..60), cut in 1usize..59) {
-            let values: Vec<f64> = values.into_iter().map(f64::from).collect();
-            let cut = cut.min(values.len() - 1);
-            let (whole, parts) = (summed(&values, &[]), summed(&values, &[cut]));
-            prop_assert_eq!((whole.rows, whole.changes, whole.gross), (parts.rows, parts.changes, parts.gross));
-            prop_assert_eq!((whole.least, whole.most, whole.step), (parts.least, parts.most, parts.step));
-            prop_assert!((whole.mean - parts.mean).abs() < 1e-12 && (whole.squares - parts.squares).abs() < 1e-9);
-            prop_assert!(parts.longest <= whole.longest && 2 * parts.longest >= whole.longest);
-        }
+    fn faults(of: &dyn Fn(usize) -> f64) -> Vec<Fault> {
+        found((0..5000).map(of).collect()).iter().map(|(fault, _)| *fault).collect()
+    }
+
+    fn wave(row: usize) -> f64 {
+        (0.013 * row as f64).sin() + 0.3 * (0.171 * row as f64).sin()
+    }
+
+    /// A number in [-1, 1) without order.
+    fn random(at: usize) -> f64 {
+        (fleetfoot_data::mix(at as u64 + 1) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 
     #[test]
     fn channel_faults_are_named() {
-        let channel = |name: &str| Channel { column: Column::float(name), place: 0, part: Part::State, angle: false };
-        let wave = |row: usize| (0.013 * row as f64).sin() + 0.3 * (0.171 * row as f64).sin();
-        let faults = |of: &dyn Fn(usize) -> f64| -> Vec<Fault> {
-            let values: Vec<f64> = (0..5000).map(of).collect();
-            let mut sums = Sums::default();
-            let mut step: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-            step.sort_by(f64::total_cmp);
-            sums.add(&values, 0..values.len(), step[step.len() * 4 / 5]);
-            let mut whole = Sums::default();
-            whole.merge(sums);
-            let channels = Channels { sums: vec![whole], rows: 5000 };
-            channels.of_channel(&channel("x"), channels.of(0), 0.01).iter().map(|finding| finding.fault).collect()
-        };
         assert_eq!(faults(&wave), []);
         assert_eq!(faults(&|_| 3.5), [Fault::Dead]);
         assert_eq!(faults(&|row| if (1000..1200).contains(&row) { 0.25 } else { wave(row) }), [Fault::Stuck]);
@@ -417,5 +327,59 @@ mod tests {
         assert_eq!(faults(&|row| wave(row).min(0.6)), [Fault::Saturated]);
         assert_eq!(faults(&|row| (wave(row) * 5.0).round() / 5.0), [Fault::Quantised]);
         assert_eq!(faults(&|row| if row % 9 == 0 { f64::NAN } else { wave(row) }), [Fault::Missing]);
+    }
+
+    #[test]
+    fn single_extreme_values_are_found() {
+        for spikes in [1, 3] {
+            let spike = |row: usize| (row % 700 == 312 && row < 700 * spikes).then_some(30.0);
+            let moving = found((0..5000).map(|row| spike(row).unwrap_or_else(|| wave(row))).collect());
+            assert_eq!(moving, [(Fault::GrossErrors, spikes as f64 / 5000.0)]);
+            // An input that is held for 17 rows has no usual step.
+            let held = found((0..5000).map(|row| spike(row).unwrap_or_else(|| random(row / 17))).collect());
+            assert_eq!(held, [(Fault::GrossErrors, spikes as f64 / 5000.0)]);
+        }
+        // Pulses of an event, noise, and single peaks of a switching system are sound.
+        assert_eq!(faults(&|row| f64::from(u8::from(row % 400 == 7))), []);
+        assert_eq!(faults(&|row| (0..6).map(|at| random(6 * row + at)).sum()), []);
+        assert_eq!(faults(&|row| 0.01 * wave(row) + if row % 900 == 7 { 0.05 } else { 0.0 }), []);
+    }
+
+    #[test]
+    fn strong_saturation_counts_both_ends() {
+        for gain in [1.1, 1.5, 3.0, 10.0] {
+            let clipped = |row: usize| (gain * (0.01 * row as f64).sin()).clamp(-1.0, 1.0);
+            let values: Vec<f64> = (0..5000).map(clipped).collect();
+            let at_ends = values.iter().filter(|value| value.abs() == 1.0).count() as f64 / 5000.0;
+            assert_eq!(found(values), [(Fault::Saturated, at_ends)], "{gain}");
+        }
+    }
+
+    #[test]
+    fn rests_and_switches_are_not_saturated() {
+        let level = |row: usize| if random(row / 40) > 0.0 { 1.0 } else { -1.0 };
+        assert_eq!(faults(&level), []);
+        // With one row of any value between the levels.
+        let between =
+            |row: usize| if row % 40 == 0 && level(row) != level(row.max(1) - 1) { random(row) } else { level(row) };
+        assert_eq!(faults(&between), []);
+        // A pedal that rests at zero.
+        assert_eq!(faults(&|row| (0.01 * row as f64).sin().max(0.0) * f64::from(u8::from(row % 2000 < 800))), []);
+        // A rounded position that settles at either target.
+        let settled = |row: usize| {
+            let (side, since) = (if row / 500 % 2 == 0 { 1.0 } else { -1.0 }, (row % 500) as f64);
+            (1e4 * side * (1.0 - 2.0 * (-since / 20.0).exp())).round() / 1e4
+        };
+        assert_eq!(faults(&settled), []);
+    }
+
+    #[test]
+    fn held_levels_are_not_coarse() {
+        for seed in 0..50 {
+            let held = found((0..600).map(|row| random(1000 * seed + row / 17)).collect());
+            assert_eq!(held, [], "{seed}");
+        }
+        // Targets on a grid of 0.5, in any order.
+        assert_eq!(faults(&|row| (6.0 * random(row / 100)).round() / 2.0), []);
     }
 }

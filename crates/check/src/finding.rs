@@ -13,6 +13,8 @@ pub enum Fault {
     Repeated,
     /// Header stamps are zero, or run away from the log's clock.
     TwoClocks,
+    /// The messages of a topic share no moment with those of others.
+    NoOverlap,
     /// Rows are missing between others.
     Dropped,
     /// Periods scatter.

@@ -6,16 +6,17 @@
 mod channel;
 mod finding;
 mod names;
+mod opened;
 mod related;
 mod relations;
 mod sample;
 mod stamps;
+mod sums;
 
-use fleetfoot_data::setting::INIT;
 use fleetfoot_data::{Column, ColumnKind, Progress, Source};
-use fleetfoot_dataset::{Dataset, Error, Logs};
-use fleetfoot_log::{FileInfo, inspect_together};
-use fleetfoot_recipe::{Kind, Recipe, draft_of_topics};
+use fleetfoot_dataset::{Error, Logs};
+use fleetfoot_log::inspect_together;
+use fleetfoot_recipe::{Kind, Recipe};
 use serde::Serialize;
 
 pub use crate::{
@@ -24,7 +25,7 @@ pub use crate::{
     names::split as name_words,
     relations::{Correlations, LagCurve, Shift, correlations, lag_curve},
 };
-use crate::{channel::Channels, sample::Sample};
+use crate::{channel::Channels, opened::Opened, sample::Sample};
 
 /// The faults and the channels of some logs.
 #[derive(Debug, Clone, Serialize)]
@@ -80,15 +81,13 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     let logs = &logs.into();
     let infos = inspect_together(&logs.files(), false, progress)?;
     let mut notes = Vec::new();
-    let drafted = drafted(recipe, &infos, &mut notes);
-    let recipe = drafted.as_ref().unwrap_or(recipe);
-    let dataset = Dataset::for_columns(recipe, None, logs.clone(), progress)?;
+    let Opened { dataset, recipe, mut findings } = Opened::new(recipe, &infos, logs, &mut notes, progress)?;
     notes.extend_from_slice(dataset.notes());
     let view = dataset.view()?;
-    let clocks: Vec<&str> =
-        infos.iter().filter_map(|info| info.clock.as_ref()).map(|clock| clock.column.as_str()).collect();
+    let guessed = infos.iter().filter_map(|info| info.clock.as_ref()).map(|clock| clock.column.as_str());
+    let clocks: Vec<&str> = guessed.chain(recipe.time.column.as_deref()).collect();
     let columns = view.columns().iter().enumerate().filter(|(_, column)| !clocks.contains(&column.name.as_str()));
-    let mut channels: Vec<Channel> = columns.map(|(at, column)| channel(recipe, column, at)).collect();
+    let mut channels: Vec<Channel> = columns.map(|(at, column)| channel(&recipe, column, at)).collect();
     if channels.len() > MOST {
         notes.push(format!(
             "only {MOST} of {} columns are checked; name states and inputs in a recipe (-c) to choose them",
@@ -96,7 +95,10 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
         ));
         channels.truncate(MOST);
     }
-    let mut findings = stamps::of_files(&infos);
+    findings.extend(stamps::of_topics(&infos));
+    if infos.iter().all(|info| info.topics.is_empty()) {
+        findings.extend(stamps::of_tables(&dataset));
+    }
     findings.extend(stamps::of_rows(&view, progress)?);
     let sample = Sample::read(&view, &channels, progress)?;
     let statistics = Channels::read(&view, &channels, &sample, progress)?;
@@ -112,14 +114,6 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
         findings,
         notes,
     })
-}
-
-/// A draft of the recipe for robots' logs, where none is given; tables have all their columns.
-fn drafted(recipe: &Recipe, infos: &[FileInfo], notes: &mut Vec<String>) -> Option<Recipe> {
-    let has_columns = !recipe.states.is_empty() || !recipe.inputs.is_empty() || !recipe.columns.is_empty();
-    let draft = draft_of_topics(recipe, infos.first().filter(|_| !has_columns)?)?;
-    notes.push(format!("states and inputs are those that {INIT} proposes; a recipe (-c) chooses others"));
-    Some(draft)
 }
 
 fn channel(recipe: &Recipe, column: &Column, place: usize) -> Channel {

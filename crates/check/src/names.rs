@@ -35,6 +35,8 @@ const PLACES: [&str; 12] = [
     "attitude",
     "joint",
 ];
+/// Words of rates that are those of angles.
+const ANGULAR: [&str; 7] = ["omega", "w", "gyro", "gyroscope", "angular", "rate", "rates"];
 /// Words of accelerations.
 const ACCELERATIONS: [&str; 5] = ["acc", "accel", "acceleration", "accelerometer", "imu"];
 /// Words that a letter before makes rates: `vx`, `dyaw`.
@@ -44,6 +46,9 @@ const AXES: [&str; 16] = [
 /// Words of angles.
 const ANGLES: [&str; 9] = ["yaw", "pitch", "roll", "heading", "theta", "phi", "psi", "angle", "bearing"];
 
+/// Symbols of angles whose rate is called `omega` or `w`.
+const TURNS: [&str; 10] = ["yaw", "pitch", "roll", "heading", "theta", "phi", "psi", "bearing", "alpha", "q"];
+
 /// A name in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Words {
@@ -51,6 +56,10 @@ pub(crate) struct Words {
     pub(crate) rest: Vec<String>,
     /// True if the name is that of a rate.
     pub(crate) rate: bool,
+    /// True if the name has the word of an angle's rate: `omega`.
+    pub(crate) angular: bool,
+    /// True if the name has the word of a place: `pos`.
+    pub(crate) place: bool,
     /// True if the name is that of an acceleration.
     pub(crate) acceleration: bool,
     /// True if the name is that of an angle.
@@ -59,13 +68,16 @@ pub(crate) struct Words {
 
 impl Words {
     pub(crate) fn of(name: &str) -> Self {
-        let mut words = Self { rest: Vec::new(), rate: false, acceleration: false, angle: false };
+        let mut words =
+            Self { rest: Vec::new(), rate: false, angular: false, place: false, acceleration: false, angle: false };
         for word in split(name) {
             words.acceleration |= ACCELERATIONS.contains(&word.as_str());
             words.angle |= ANGLES.contains(&word.as_str());
+            words.angular |= ANGULAR.contains(&word.as_str());
             if RATES.contains(&word.as_str()) {
                 words.rate = true;
             } else if PLACES.contains(&word.as_str()) {
+                words.place = true;
             } else if let Some(axis) = word.strip_suffix("dot").filter(|axis| AXES.contains(axis)) {
                 words.rate = true;
                 words.rest.push(axis.to_owned());
@@ -82,9 +94,17 @@ impl Words {
         words
     }
 
-    /// Returns true if the name is that of the other's rate.
+    /// Returns true if the name is that of the other's rate: both have the same words, or `omega` that of `theta`.
     pub(crate) fn is_rate_of(&self, other: &Self) -> bool {
-        self.rate && !other.rate && !self.rest.is_empty() && self.rest == other.rest
+        if !self.rate || other.rate {
+            return false;
+        }
+        if self.rest == other.rest {
+            return !self.rest.is_empty() || other.place;
+        }
+        let is_angle = |word: &&String| TURNS.contains(&word.as_str());
+        let one_angle = other.rest.iter().filter(is_angle).count() == 1;
+        self.angular && one_angle && other.rest.iter().filter(|word| !is_angle(word)).eq(&self.rest)
     }
 
     /// The last of x, y and z, and the words without it.
@@ -130,11 +150,27 @@ mod tests {
             ("/odom.pose.pose.position.x", "/odom.twist.twist.linear.x"),
             ("jointPosition[2]", "jointVelocity[2]"),
             ("theta", "thetadot"),
+            ("pos", "vel"),
+            ("position", "velocity"),
+            ("theta", "omega"),
+            ("angle", "rate"),
+            ("p", "v"),
+            ("q1", "w1"),
+            ("wheel_theta", "wheel_omega"),
         ] {
             assert!(Words::of(rate).is_rate_of(&Words::of(place)), "{place} {rate}");
             assert!(!Words::of(place).is_rate_of(&Words::of(rate)), "{place} {rate}");
         }
-        for (one, other) in [("x", "vy"), ("left_speed", "right"), ("u", "v"), ("q1", "qd2")] {
+        for (one, other) in [
+            ("x", "vy"),
+            ("x", "omega"),
+            ("left_speed", "right"),
+            ("u", "v"),
+            ("q1", "qd2"),
+            ("u", "omega"),
+            ("q1", "w2"),
+            ("left_pos", "vel"),
+        ] {
             assert!(!Words::of(other).is_rate_of(&Words::of(one)), "{one} {other}");
         }
         assert_eq!(Words::of("imu.accel.y").axis(), Some((1, vec!["imu", "accel"])));

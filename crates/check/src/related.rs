@@ -176,6 +176,10 @@ fn swapped(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usi
 /// Channels with the same values.
 fn duplicates(channels: &[Channel], sample: &Sample, usable: &[usize]) -> Vec<Finding> {
     let mut findings = Vec::new();
+    // Without two rows of an episode there is nothing to compare.
+    if sample.stretches.is_empty() {
+        return findings;
+    }
     for (at, &one) in usable.iter().enumerate() {
         let same = |&&other: &&usize| {
             let mut stretches = sample.stretches.iter();
@@ -363,6 +367,17 @@ mod tests {
         let findings =
             compare(&channels, &sample, 0, 1).and_then(|findings| of_rate(&channels, &sample, (0, 1), findings));
         findings.iter().map(|finding| (finding.fault, finding.value)).collect()
+    }
+
+    #[test]
+    fn duplicates_need_rows_to_compare() {
+        let channels =
+            ["a", "b"].map(|name| Channel { column: Column::float(name), place: 0, part: Part::Open, angle: false });
+        let of = |columns: Vec<Vec<f64>>| Sample { stretches: vec![Stretch { time: vec![0.0, STEP], columns }] };
+        let same = of(vec![vec![1.0, 2.0], vec![1.0, 2.0]]);
+        assert_eq!(duplicates(&channels, &same, &[0, 1])[0].fault, Fault::Duplicate);
+        assert_eq!(duplicates(&channels, &of(vec![vec![1.0, 2.0], vec![1.0, 2.5]]), &[0, 1]), []);
+        assert_eq!(duplicates(&channels, &Sample { stretches: Vec::new() }, &[0, 1]), []);
     }
 
     #[test]

@@ -8,6 +8,10 @@ use crate::Channel;
 /// Rows of a stretch, and numbers of all stretches, at most.
 const STRETCH: usize = 20_000;
 const NUMBERS: usize = 1 << 23;
+/// One of so many values may be a gross error.
+const OUTERMOST: usize = 100;
+/// Deviation of a change from multiples of a step, in steps, by rounding.
+const ROUNDING: f64 = 0.1;
 
 /// Stretches of consecutive rows.
 pub(crate) struct Sample {
@@ -60,15 +64,46 @@ impl Sample {
     /// The step of a channel from row to row that four of five steps do not exceed: rests and gross errors do not
     /// affect it. NaN without two rows that have values.
     pub(crate) fn usual_step(&self, channel: usize) -> f64 {
-        let stretches = self.stretches.iter();
-        let mut steps: Vec<f64> = stretches
-            .flat_map(|stretch| stretch.columns[channel].windows(2).map(|pair| (pair[1] - pair[0]).abs()))
-            .filter(|step| step.is_finite())
-            .collect();
+        let mut steps: Vec<f64> = self.steps(channel).collect();
         if steps.is_empty() {
             return f64::NAN;
         }
         let place = steps.len() * 4 / 5;
         *steps.select_nth_unstable_by(place, f64::total_cmp).1
+    }
+
+    /// The width of a channel's range without the least and the greatest hundredth of its values, at least one each:
+    /// single gross errors do not affect it. NaN of fewer than three values.
+    pub(crate) fn usual_span(&self, channel: usize) -> f64 {
+        let values = self.stretches.iter().flat_map(|stretch| &stretch.columns[channel]).copied();
+        let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+        let rest = (values.len() / OUTERMOST).max(1);
+        if values.len() < 2 * rest + 1 {
+            return f64::NAN;
+        }
+        let last = values.len() - 1 - rest;
+        let mut at = |place: usize| *values.select_nth_unstable_by(place, f64::total_cmp).1;
+        at(last) - at(rest)
+    }
+
+    /// The step of the grid on which the values of a channel lie: nearly all changes are multiples of the median
+    /// change, which one step is. `None` of values without a grid, or that skip its levels, as targets do.
+    pub(crate) fn grid(&self, channel: usize) -> Option<f64> {
+        let mut changes: Vec<f64> = self.steps(channel).filter(|step| *step > 0.0).collect();
+        if changes.is_empty() {
+            return None;
+        }
+        let middle = changes.len() / 2;
+        let step = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let is_off = |change: &&f64| (*change / step - (*change / step).round()).abs() > ROUNDING;
+        (changes.iter().filter(is_off).count() <= changes.len() / OUTERMOST).then_some(step)
+    }
+
+    /// Absolute changes of a channel from row to row.
+    fn steps(&self, channel: usize) -> impl Iterator<Item = f64> {
+        let steps = move |stretch: &Stretch| {
+            stretch.columns[channel].windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect::<Vec<_>>()
+        };
+        self.stretches.iter().flat_map(steps).filter(|step| step.is_finite())
     }
 }

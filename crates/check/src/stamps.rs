@@ -1,8 +1,10 @@
 //! Stamps: backward, repeated, dropped, jittering, in bursts, of two clocks.
 
+use std::{collections::HashMap, path::Path};
+
 use fleetfoot_data::setting::{CLOCKS, DT, MAX_GAP, PREPARE, RATE, STAMP, TIME};
-use fleetfoot_data::{Halo, Progress, Source, parallel_map};
-use fleetfoot_dataset::Error;
+use fleetfoot_data::{Episode, Halo, Progress, Source, parallel_map};
+use fleetfoot_dataset::{Dataset, Error};
 use fleetfoot_log::{FileInfo, HeaderOffset};
 
 use crate::finding::{Fault, Finding};
@@ -23,39 +25,69 @@ const FEW: usize = 8;
 /// Seconds that two clocks may run apart: messages come later or sooner by less.
 const APART: f64 = 0.05;
 
-/// Findings about the clocks of files.
-pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
+/// Findings about the stamps of tables: each is a row's own, so none may repeat or go backward.
+pub(crate) fn of_tables(dataset: &Dataset) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut by_file: HashMap<&Path, Vec<&Episode>> = HashMap::new();
+    for (at, episode) in dataset.episodes().iter().enumerate() {
+        by_file.entry(dataset.origin(at)).or_default().push(episode);
+    }
+    for (file, clock) in dataset.files() {
+        let name = file.display().to_string();
+        let backward = by_file.get(file).map_or(0, |episodes| backward(episodes));
+        if backward > 0 {
+            findings.push(Finding::new(
+                Fault::Backward,
+                &name,
+                (
+                    backward as f64,
+                    format!("{backward} of its {} stamps are earlier than the stamp of the row above", clock.rows),
+                ),
+                format!(
+                    "each begins an episode; sort the rows, or name another clock ({given_time})",
+                    given_time = TIME.to("COLUMN")
+                ),
+            ));
+        }
+        if clock.repeated > 0 {
+            findings.push(Finding::new(
+                Fault::Repeated,
+                &name,
+                (
+                    clock.repeated as f64 / clock.rows.max(1) as f64,
+                    format!("{} rows repeat the stamp of the row above, and are left out", clock.repeated),
+                ),
+                format!("{given_dt} counts rows instead of stamps", given_dt = DT.to("SECONDS")),
+            ));
+        }
+    }
+    findings
+}
+
+/// Number of episodes of a file that begin before the end of the episode above. A clock that begins anew, where the
+/// session above began, is sound.
+fn backward(episodes: &[&Episode]) -> usize {
+    let mut session = episodes.first().map_or(0, |episode| episode.start);
+    let mut count = 0;
+    for pair in episodes.windows(2) {
+        let [above, below] = [pair[0], pair[1]];
+        if below.start >= above.end {
+            continue;
+        }
+        let is_anew = 10 * i128::from(below.start - session).abs() <= i128::from(above.end - session);
+        if is_anew {
+            session = below.start;
+        } else {
+            count += 1;
+        }
+    }
+    count
+}
+
+/// Findings about the clocks of topics.
+pub(crate) fn of_topics(infos: &[FileInfo]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for info in infos {
-        let name = info.path.display().to_string();
-        if let Some(clock) = info.clock.as_ref().and_then(|clock| clock.summary) {
-            let rows = clock.rows.max(1) as f64;
-            if clock.backward > 0 {
-                findings.push(Finding::new(
-                    Fault::Backward,
-                    &name,
-                    (
-                        clock.backward as f64,
-                        format!("{} stamps are earlier than the stamp of the row above", clock.backward),
-                    ),
-                    format!(
-                        "each begins an episode; sort the rows, or name another clock ({given_time})",
-                        given_time = TIME.to("COLUMN")
-                    ),
-                ));
-            }
-            if clock.repeated > 0 {
-                findings.push(Finding::new(
-                    Fault::Repeated,
-                    &name,
-                    (
-                        clock.repeated as f64 / rows,
-                        format!("{} rows repeat the stamp of the row above, and are left out", clock.repeated),
-                    ),
-                    format!("{given_dt} counts rows instead of stamps", given_dt = DT.to("SECONDS")),
-                ));
-            }
-        }
         for topic in &info.topics {
             let Some(HeaderOffset { first, last, zero, .. }) = topic.header_offset else { continue };
             if zero {
@@ -195,6 +227,31 @@ mod tests {
 
     fn faults(stamps: &[i64]) -> Vec<Fault> {
         Periods::of(stamps).findings().iter().map(|finding| finding.fault).collect()
+    }
+
+    #[test]
+    fn only_new_sessions_may_go_back() {
+        let episode = |&(start, end): &(i64, i64)| Episode {
+            id: fleetfoot_data::EpisodeId(0),
+            name: String::new(),
+            file: None,
+            labels: Default::default(),
+            rows: 2,
+            start,
+            end,
+            period: 1.0,
+            marks: Vec::new(),
+        };
+        let count = |spans: &[(i64, i64)]| {
+            let episodes: Vec<Episode> = spans.iter().map(episode).collect();
+            backward(&episodes.iter().collect::<Vec<_>>())
+        };
+        // Sessions whose clock begins anew, one of them with a gap.
+        assert_eq!(count(&[(0, 100), (1, 50), (60, 90), (0, 80)]), 0);
+        // Rows that come twice, pieces in the wrong order, and rows in reverse order.
+        assert_eq!(count(&[(0, 100), (95, 200)]), 1);
+        assert_eq!(count(&[(50, 100), (0, 50)]), 1);
+        assert_eq!(count(&[(9, 9), (8, 8), (7, 7), (6, 6)]), 3);
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub(crate) use fields::{described, explained, fields, idle_joins, unprepared};
 use fleetfoot_data::setting::FILES;
 use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
 use fleetfoot_library::Expr;
-use fleetfoot_log::{Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
+use fleetfoot_log::{ClockSummary, Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
 use fleetfoot_model::{Column as ModelColumn, Role};
 use fleetfoot_recipe::{Aliases, Recipe};
 pub(crate) use period::of_most;
@@ -254,6 +254,11 @@ impl Dataset {
     /// The files that an episode's log is read from: one, or those of a run or of a recording that was split; none of a table in memory.
     pub fn files_of(&self, episode: usize) -> &[PathBuf] {
         self.source.inner().files_of(episode)
+    }
+
+    /// The files, in the order of their episodes, with counts of their stamps.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &ClockSummary)> {
+        self.source.inner().files()
     }
 
     /// Notes on assumptions and omissions made while opening.
