@@ -113,7 +113,7 @@ Examples:
 pub(crate) const CONTROL_MPC: &str = "\
 Examples:
   fleetfoot control mpc model.json --setpoint y=0,v=0.3 --limits v_command=0:1 --bounds y=-0.1:0.1 -o controller.json
-  fleetfoot rollout model.json run.parquet --horizon 500 --controller controller.json";
+  fleetfoot control mpc model.json --setpoint x=0,y=0 --limits u_v=-1:1 --horizon 40";
 
 pub(crate) const FILTER: &str = "\
 Examples:
