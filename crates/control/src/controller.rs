@@ -5,8 +5,6 @@
 
 mod differential_drive;
 mod pid;
-mod prediction;
-mod predictor;
 mod regulator;
 mod regulator_model;
 mod sampling;
@@ -15,10 +13,9 @@ mod treadmill_loop;
 
 pub use differential_drive::DifferentialDrive;
 pub use pid::{Pid, PidState};
-pub use prediction::{ErrorBound, PredictedStep, PredictedTarget, Prediction, PredictionTables};
-pub use predictor::MOST_SEQUENCES;
 pub use regulator::{
-    DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
+    DrivenInput, ErrorBound, MOST_SEQUENCES, MeasuredColumn, PredictedStep, PredictedTarget, Prediction,
+    PredictionTables, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
 };
 pub use sampling::Sampling;
 pub use treadmill::Treadmill;

@@ -27,12 +27,12 @@
 //! assert!(certificate.residual < 1e-12);
 //! ```
 
-mod direction;
-mod interior;
 mod program;
 mod solver;
 
-pub use interior::{CENTRED, INSIDE, MOST_ITERATIONS, UNLIMITED};
 pub use program::{Instance, Program, ProgramBound, ProgramStep};
 pub(crate) use solver::project;
-pub use solver::{Certificate, DECREASE, FIRST_STEPS, LAST_STEPS, MOST_HALVINGS, NEAR, SOLVED, Solver, Status};
+pub use solver::{
+    CENTRED, Certificate, DECREASE, FIRST_STEPS, INSIDE, LAST_STEPS, MOST_HALVINGS, MOST_ITERATIONS, NEAR, SOLVED,
+    Solver, Status, UNLIMITED,
+};

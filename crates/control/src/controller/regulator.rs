@@ -1,11 +1,17 @@
 //! A linear law about a set point, region by region.
 
+mod prediction;
+mod predictor;
+
 use fleetfoot_library::{Expr, Leaf, Program, Scope, Scratch};
 use fleetfoot_model::{RotationKind, Rule};
 use serde::{Deserialize, Serialize};
 
-use super::{Controller, ControllerState, ParameterError, Prediction, check, predictor::Predictor};
+use super::{Controller, ControllerState, ParameterError, check};
 use fleetfoot_dynamics::wrap;
+pub use prediction::{ErrorBound, PredictedStep, PredictedTarget, Prediction, PredictionTables};
+pub use predictor::MOST_SEQUENCES;
+use predictor::Predictor;
 
 /// Stamps closer than this count as equal, s.
 const SAME: f64 = 1e-9;

@@ -1,10 +1,13 @@
 //! Projected Newton steps until the residual is rounding.
 
-use super::{
-    direction::{Direction, Fixed},
-    interior::Interior,
-    program::{Instance, Program, dot},
-};
+mod direction;
+mod interior;
+
+use direction::{Direction, Fixed};
+use interior::Interior;
+pub use interior::{CENTRED, INSIDE, MOST_ITERATIONS, UNLIMITED};
+
+use super::program::{Instance, Program, dot};
 
 /// Most Newton steps before the interior-point method.
 pub const FIRST_STEPS: usize = 6;
@@ -51,13 +54,13 @@ pub struct Certificate {
 /// Kunisch, "The primal-dual active set strategy as a semismooth Newton method", SIAM J. Optim. 13, 2002).
 #[derive(Debug, Clone)]
 pub struct Solver {
-    pub(super) plan: Vec<f64>,
-    pub(super) path: Vec<f64>,
+    plan: Vec<f64>,
+    path: Vec<f64>,
     /// Gradient of the costs of each state of the path.
-    pub(super) slopes: Vec<f64>,
-    pub(super) gradient: Vec<f64>,
-    pub(super) direction: Direction,
-    pub(super) interior: Interior,
+    slopes: Vec<f64>,
+    gradient: Vec<f64>,
+    direction: Direction,
+    interior: Interior,
     /// The move of a trial, and that of its path.
     change: Vec<f64>,
     displacement: Vec<f64>,

@@ -1,9 +1,7 @@
 //! An interior-point method, for programs whose active limits and bounds the Newton steps do not find.
 
-use super::{
-    program::{Instance, Program},
-    solver::Solver,
-};
+use super::Solver;
+use crate::predictive::program::{Instance, Program};
 
 /// Most iterations.
 pub const MOST_ITERATIONS: usize = 30;

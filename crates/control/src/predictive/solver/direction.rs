@@ -1,9 +1,7 @@
 //! Gradient and Newton direction of a program, by recursions backwards in time.
 
-use super::{
-    program::{Instance, Program},
-    solver::Solver,
-};
+use super::Solver;
+use crate::predictive::program::{Instance, Program};
 
 /// Inputs that a direction fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
