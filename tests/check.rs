@@ -126,16 +126,16 @@ fn backward_and_repeated_stamps_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let rows = sound(600, 0.0);
-    let found = |rows: &[[f64; 9]]| faults(path, &text(rows), &["--time", "t"]);
+    let of_rows = |rows: &[[f64; 9]]| faults(path, &text(rows), &["--time", "t"]);
     let of_log = |fault: &str| vec![(fault.to_owned(), "log.csv".to_owned())];
     let reversed: Vec<[f64; 9]> = rows.iter().rev().copied().collect();
-    assert_eq!(found(&reversed), of_log("backward"));
+    assert_eq!(of_rows(&reversed), of_log("backward"));
     let mut repeated = rows.clone();
     repeated.insert(301, rows[300]);
-    assert_eq!(found(&repeated), of_log("repeated"));
+    assert_eq!(of_rows(&repeated), of_log("repeated"));
     // A second session, whose clock begins anew.
     let sessions: Vec<[f64; 9]> = rows.iter().chain(&rows).copied().collect();
-    assert_eq!(found(&sessions), []);
+    assert_eq!(of_rows(&sessions), []);
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn joined_cells_go_the_whole_way() {
     // The regions stand in a statistic too, made once on all rows.
     run(&["scan", "-c", "robot.toml", "runs", "--partition", "lattice:3", "-o", "run.stats"]);
     let output =
-        fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "lattice:3", "-o", "told.json"]).ok();
+        fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "lattice:3", "-o", "summed.json"]).ok();
     assert!(output.out.contains("lattice:3"), "{}", output.out);
 }
 
@@ -205,9 +205,9 @@ fn trees_go_the_whole_way() {
     // Made once on all rows in a statistic, and for equations and autoregressions.
     run(&["scan", "-c", "robot.toml", "runs", "--partition", "tree:2", "-o", "run.stats"]);
     let output =
-        fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "tree:2", "-o", "told.json"]).ok();
+        fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--partition", "tree:2", "-o", "summed.json"]).ok();
     assert!(output.out.contains("tree:2"), "{}", output.out);
-    assert!(run(&["show", "told.json"]).out.contains("if v < 0.5"));
+    assert!(run(&["show", "summed.json"]).out.contains("if v < 0.5"));
     run(&["fit", "sindy", "-c", "robot.toml", "runs", "--partition", "tree:1", "--degree", "1", "-o", "sparse.json"]);
     assert!(run(&["show", "sparse.json"]).out.contains("if v < 0.5"));
     let narx = ["--time", "t", "--alias", "v=`v [m/s]`", "--outputs", "v", "--inputs", "u", "--order", "fixed"];
@@ -236,7 +236,7 @@ fn continuous_maps_have_a_cost() {
     run(&["labels:mode", "--continuous"]).fails(&["labels:mode", "linear borders"]);
     run(&["refined:2", "--continuous", "--objective", "steps:5"]).fails(&["steps:5", "--continuous"]);
     fleetfoot(folder.path(), &["scan", "-c", "robot.toml", "runs", "--partition", "refined:2", "-o", "run.stats"]).ok();
-    fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--continuous", "-o", "told.json"])
+    fleetfoot(folder.path(), &["fit", "pwa", "run.stats", "--continuous", "-o", "summed.json"])
         .fails(&["--continuous", "give the logs"]);
 }
 

@@ -20,8 +20,8 @@ fn model(folder: &Path, name: &str) -> serde_json::Value {
 }
 
 fn fit(folder: &Path, method: &str, recipe: &str, more: &[&str], output: &str) {
-    fs::write(folder.join("own.toml"), format!("{RECIPE}{recipe}")).unwrap();
-    let fixed = ["fit", method, "-c", "own.toml", "run0.csv", "run1.csv", "-o", output];
+    fs::write(folder.join("lags.toml"), format!("{RECIPE}{recipe}")).unwrap();
+    let fixed = ["fit", method, "-c", "lags.toml", "run0.csv", "run1.csv", "-o", output];
     fleetfoot(folder, &[&fixed[..], more].concat()).ok();
 }
 
@@ -109,13 +109,13 @@ fn autoregressions_range_over_gleaned_rows() {
         "{map:?} {gleaned_terms:?}"
     );
     // Sums of these lags are fitted as the logs are; of other lags they are refused.
-    fleetfoot(path, &["scan", "-c", "own.toml", "run0.csv", "run1.csv", "-o", "own.stats"]).ok();
-    fleetfoot(path, &[&["fit", "narx", "own.stats", "-o", "sums.json"], &all[..]].concat()).ok();
+    fleetfoot(path, &["scan", "-c", "lags.toml", "run0.csv", "run1.csv", "-o", "lags.stats"]).ok();
+    fleetfoot(path, &[&["fit", "narx", "lags.stats", "-o", "sums.json"], &all[..]].concat()).ok();
     let sums = model(path, "sums.json");
     assert!(["libraries", "latents", "equations"].iter().all(|part| sums[*part] == gleaned[*part]), "{sums:#}");
     let output = fleetfoot(
         path,
-        &[&["fit", "narx", "own.stats", "-c", "own.toml", "--lags-out", "3", "--lags-in", "3"], &all[..]].concat(),
+        &[&["fit", "narx", "lags.stats", "-c", "lags.toml", "--lags-out", "3", "--lags-in", "3"], &all[..]].concat(),
     );
     assert!(
         output.code == 1 && output.err.contains("ny 3 nu 3 every 5") && output.err.contains("scan again"),
@@ -127,7 +127,7 @@ fn autoregressions_range_over_gleaned_rows() {
         "fit",
         "narx",
         "-c",
-        "own.toml",
+        "lags.toml",
         "run0.csv",
         "run1.csv",
         "-o",
@@ -141,6 +141,6 @@ fn autoregressions_range_over_gleaned_rows() {
     let fitted = fleetfoot(path, &report).ok().json();
     assert_eq!(fitted["order"]["every"], 5, "{fitted:#}");
     assert_eq!((&fitted["order"]["lags_out"], &fitted["order"]["lags_in"]), (&3.into(), &3.into()), "{fitted:#}");
-    let output = fleetfoot(path, &["fit", "narx", "-c", "own.toml", "run0.csv", "--lags", "12:5", "--lags-out", "1"]);
+    let output = fleetfoot(path, &["fit", "narx", "-c", "lags.toml", "run0.csv", "--lags", "12:5", "--lags-out", "1"]);
     assert!(output.code == 2 && output.err.contains("--lags-out"), "{}", output.err);
 }

@@ -292,7 +292,7 @@ mod tests {
     use crate::sample::Stretch;
 
     /// Faults of a channel with these values, and their numbers.
-    fn found(values: Vec<f64>) -> Vec<(Fault, f64)> {
+    fn faults_of(values: Vec<f64>) -> Vec<(Fault, f64)> {
         let time = (0..values.len()).map(|row| 0.01 * row as f64).collect();
         let sample = Sample { stretches: vec![Stretch { time, columns: vec![values.clone()] }] };
         let usual = Usual { step: sample.usual_step(0), span: sample.usual_span(0) };
@@ -306,7 +306,7 @@ mod tests {
     }
 
     fn faults(of: &dyn Fn(usize) -> f64) -> Vec<Fault> {
-        found((0..5000).map(of).collect()).iter().map(|(fault, _)| *fault).collect()
+        faults_of((0..5000).map(of).collect()).iter().map(|(fault, _)| *fault).collect()
     }
 
     fn wave(row: usize) -> f64 {
@@ -333,10 +333,10 @@ mod tests {
     fn single_extreme_values_are_found() {
         for spikes in [1, 3] {
             let spike = |row: usize| (row % 700 == 312 && row < 700 * spikes).then_some(30.0);
-            let moving = found((0..5000).map(|row| spike(row).unwrap_or_else(|| wave(row))).collect());
+            let moving = faults_of((0..5000).map(|row| spike(row).unwrap_or_else(|| wave(row))).collect());
             assert_eq!(moving, [(Fault::GrossErrors, spikes as f64 / 5000.0)]);
             // An input that is held for 17 rows has no usual step.
-            let held = found((0..5000).map(|row| spike(row).unwrap_or_else(|| random(row / 17))).collect());
+            let held = faults_of((0..5000).map(|row| spike(row).unwrap_or_else(|| random(row / 17))).collect());
             assert_eq!(held, [(Fault::GrossErrors, spikes as f64 / 5000.0)]);
         }
         // Pulses of an event, noise, and single peaks of a switching system are sound.
@@ -351,7 +351,7 @@ mod tests {
             let clipped = |row: usize| (gain * (0.01 * row as f64).sin()).clamp(-1.0, 1.0);
             let values: Vec<f64> = (0..5000).map(clipped).collect();
             let at_ends = values.iter().filter(|value| value.abs() == 1.0).count() as f64 / 5000.0;
-            assert_eq!(found(values), [(Fault::Saturated, at_ends)], "{gain}");
+            assert_eq!(faults_of(values), [(Fault::Saturated, at_ends)], "{gain}");
         }
     }
 
@@ -376,7 +376,7 @@ mod tests {
     #[test]
     fn held_levels_are_not_coarse() {
         for seed in 0..50 {
-            let held = found((0..600).map(|row| random(1000 * seed + row / 17)).collect());
+            let held = faults_of((0..600).map(|row| random(1000 * seed + row / 17)).collect());
             assert_eq!(held, [], "{seed}");
         }
         // Targets on a grid of 0.5, in any order.
