@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn coarse_sensors_are_noisy() {
-        let slow = wave(1.0, || 0.0).into_iter().map(|x| (20.0 * x).round() / 20.0).collect();
+        let slow = wave(1.0, || 0.0).into_iter().map(|x| (5.0 * x).round() / 5.0).collect();
         assert!(share_of(slow) > MOSTLY);
     }
 

@@ -360,14 +360,15 @@ mod tests {
         let level = |row: usize| if random(row / 40) > 0.0 { 1.0 } else { -1.0 };
         assert_eq!(faults(&level), []);
         // With one row of any value between the levels.
-        let between =
-            |row: usize| if row % 40 == 0 && level(row) != level(row.max(1) - 1) { random(row) } else { level(row) };
+        let between = |row: usize| {
+            if row.is_multiple_of(40) && level(row) != level(row.max(1) - 1) { random(row) } else { level(row) }
+        };
         assert_eq!(faults(&between), []);
         // A pedal that rests at zero.
         assert_eq!(faults(&|row| (0.01 * row as f64).sin().max(0.0) * f64::from(u8::from(row % 2000 < 800))), []);
         // A rounded position that settles at either target.
         let settled = |row: usize| {
-            let (side, since) = (if row / 500 % 2 == 0 { 1.0 } else { -1.0 }, (row % 500) as f64);
+            let (side, since) = (if (row / 500).is_multiple_of(2) { 1.0 } else { -1.0 }, (row % 500) as f64);
             (1e4 * side * (1.0 - 2.0 * (-since / 20.0).exp())).round() / 1e4
         };
         assert_eq!(faults(&settled), []);
