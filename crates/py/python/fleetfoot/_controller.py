@@ -115,7 +115,7 @@ class Controller:
 
         Raises
         ------
-        ModelError, WriteError
+        ModelError, OptionError, WriteError
         """
         files = _core.export_controller(self._text, to, os.fspath(folder), prefix, precision)
         return [os.fspath(file) for file in files]

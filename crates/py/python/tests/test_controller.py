@@ -78,7 +78,7 @@ def test_plans_keep_limits_and_bounds(mass, tmp_path):
     assert np.abs(path[:, 1]).max() < 0.201 and abs(path[-1, 0] - 1) < 0.02
     files = law.export("c", tmp_path / "src", prefix="law")
     assert [name.rsplit("/", 1)[-1] for name in files] == ["law.h", "law.c", "law_test.c"]
-    with pytest.raises(ff.exceptions.ModelError):
+    with pytest.raises(ff.exceptions.OptionError, match="to='c'"):
         law.export("python", tmp_path / "src")
     with pytest.raises(ff.exceptions.ModelError, match="1 to 200"):
         mass.mpc({"x": 1.0}, horizon=0)
