@@ -44,7 +44,7 @@ EXPECTED: dict[str, dict[str, str]] = {
 MAKE: dict[str, Callable[[Any], Any]] = {
     "BlockSparse": lambda estimator: estimator(target="y", select="bic"),
     "Network": lambda estimator: estimator(target="y", effort="low"),
-    "PWA": lambda estimator: estimator(target="y"),
+    "PWA": lambda estimator: estimator(["average", 2], target="y"),
     "SINDy": lambda estimator: estimator(target="y", library="poly(1)"),
 }
 
