@@ -54,16 +54,21 @@ pub(crate) fn at(named: &[(&str, f64)]) -> Vec<(String, f64)> {
     named.iter().map(|&(name, value)| (name.to_owned(), value)).collect()
 }
 
-#[test]
-fn double_integrator_has_scipys_gain() {
-    let options = LqrOptions {
+/// A mass that is held at three metres against wind.
+pub(crate) fn options() -> LqrOptions {
+    LqrOptions {
         setpoint: at(&[("x", 3.0), ("w", 0.5)]),
         q: at(&[("x", 1.0), ("v", 0.1)]),
         r: at(&[("u", 0.01)]),
         drive: vec!["u".into()],
         period: Some(0.1),
         ..LqrOptions::default()
-    };
+    }
+}
+
+#[test]
+fn double_integrator_has_scipys_gain() {
+    let options = options();
     let design = lqr(&mass(), &options).unwrap();
     let law = &design.regulator.laws[0];
     // scipy 1.17.1: X = solve_discrete_are([[1, .1], [0, 1]], [[.005], [.1]], diag([1, .1]), [[.01]]), K = solve(R + B'XB, B'XA).

@@ -1,10 +1,10 @@
 use faer::Mat;
-use fleetfoot_data::{Silent, with_threads};
+use fleetfoot_data::Silent;
 use fleetfoot_learn::{
     Activation, Cell, Error, Output, Samples, Shape, Table, Training, Units, Window, slope, statistic, train,
 };
 
-use crate::slopes::uniform;
+use crate::slopes::{is_same_on_all_threads, uniform};
 
 const CELLS: [Cell; 3] = [Cell::Rnn, Cell::Gru, Cell::Lstm];
 
@@ -117,18 +117,7 @@ fn gradients_through_time_match_central_differences() {
 fn threads_change_no_bit_of_cells() {
     let samples = rows(9_000);
     for cell in CELLS {
-        let shape = shape(cell, 5);
-        let parameters = shape.initial(9);
-        let on = |threads| {
-            with_threads(threads, || {
-                let sums = statistic(&shape, &parameters, &samples, &Silent).unwrap();
-                let output = sums.solve(1e-6).unwrap();
-                let tiles: Vec<usize> = (0..samples.tiles()).collect();
-                (slope(&shape, &parameters, &output, (&samples, &tiles), &Silent).unwrap(), sums)
-            })
-        };
-        let one = on(1);
-        assert!([2, 7].into_iter().all(|threads| on(threads) == one), "{cell:?}");
+        assert!(is_same_on_all_threads(&shape(cell, 5), &samples), "{cell:?}");
     }
 }
 

@@ -91,18 +91,22 @@ fn sums_tell_the_error_that_rows_have() {
     assert!(sums.error(&output) > least);
 }
 
-#[test]
-fn threads_change_no_bit() {
-    let (samples, shape) = (samples(9_000), shape(&[7, 5], Activation::Tanh));
+/// Sums, output layer and slope on 1, 2 and 7 threads.
+pub(crate) fn is_same_on_all_threads(shape: &Shape, samples: &Samples) -> bool {
     let parameters = shape.initial(9);
     let on = |threads| {
         with_threads(threads, || {
-            let sums = statistic(&shape, &parameters, &samples, &Silent).unwrap();
+            let sums = statistic(shape, &parameters, samples, &Silent).unwrap();
             let output = sums.solve(1e-6).unwrap();
             let tiles: Vec<usize> = (0..samples.tiles()).collect();
-            (slope(&shape, &parameters, &output, (&samples, &tiles), &Silent).unwrap(), sums, output)
+            (slope(shape, &parameters, &output, (samples, &tiles), &Silent).unwrap(), sums, output)
         })
     };
     let one = on(1);
-    assert!([2, 7].into_iter().all(|threads| on(threads) == one));
+    [2, 7].into_iter().all(|threads| on(threads) == one)
+}
+
+#[test]
+fn threads_change_no_bit() {
+    assert!(is_same_on_all_threads(&shape(&[7, 5], Activation::Tanh), &samples(9_000)));
 }
