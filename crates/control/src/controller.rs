@@ -14,7 +14,7 @@ mod treadmill_loop;
 pub use differential_drive::DifferentialDrive;
 pub use pid::{Pid, PidState};
 pub use regulator::{
-    DrivenInput, ErrorBound, MOST_SEQUENCES, MeasuredColumn, PredictedStep, PredictedTarget, Prediction,
+    DrivenInput, ErrorBound, MOST_SAMPLES, MOST_SEQUENCES, MeasuredColumn, PredictedStep, PredictedTarget, Prediction,
     PredictionTables, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
 };
 pub use sampling::Sampling;

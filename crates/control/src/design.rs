@@ -34,4 +34,4 @@ mod setpoint;
 
 pub use lqr::{Lqr, LqrRegion, SetPoint, lqr};
 pub use mpc::mpc;
-pub use options::{LqrOptions, MOST_SAMPLES, MpcOptions, Named, Schedule};
+pub use options::{LqrOptions, MpcOptions, Named, Schedule};

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Controller, ControllerState, ParameterError, check};
 use fleetfoot_dynamics::wrap;
-pub use prediction::{ErrorBound, PredictedStep, PredictedTarget, Prediction, PredictionTables};
+pub use prediction::{ErrorBound, MOST_SAMPLES, PredictedStep, PredictedTarget, Prediction, PredictionTables};
 pub use predictor::MOST_SEQUENCES;
 use predictor::Predictor;
 

@@ -3,7 +3,7 @@
 use fleetfoot_model::Model;
 
 use super::{
-    MOST_SAMPLES, MpcOptions,
+    MpcOptions,
     gains::Answer,
     lqr::{Design, Lqr, designed, rows_of},
     setpoint::Rest,
@@ -11,7 +11,7 @@ use super::{
 use crate::{
     Error,
     control_error::ControlError,
-    controller::{ErrorBound, PredictedStep, PredictedTarget, Prediction},
+    controller::{ErrorBound, MOST_SAMPLES, PredictedStep, PredictedTarget, Prediction},
     pieces::Affine,
 };
 

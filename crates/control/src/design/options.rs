@@ -46,11 +46,8 @@ pub enum Schedule {
 pub struct MpcOptions {
     /// Set point, weights, limits and period: those of the regulator whose cost ends the plan.
     pub lqr: LqrOptions,
-    /// Samples that are planned ahead, 1 to [`MOST_SAMPLES`].
+    /// Samples that are planned ahead, 1 to [`MOST_SAMPLES`](crate::controller::MOST_SAMPLES).
     pub horizon: usize,
     /// Lowest and highest values of states, which contain the set point.
     pub bounds: Vec<(String, f64, f64)>,
 }
-
-/// Longest horizon, samples.
-pub const MOST_SAMPLES: usize = 200;

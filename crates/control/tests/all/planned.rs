@@ -7,18 +7,7 @@ use fleetfoot_control::{
 };
 use proptest::prelude::*;
 
-use crate::regulators::{at, mass, with_friction};
-
-fn options() -> LqrOptions {
-    LqrOptions {
-        setpoint: at(&[("x", 3.0), ("w", 0.5)]),
-        q: at(&[("x", 1.0), ("v", 0.1)]),
-        r: at(&[("u", 0.01)]),
-        drive: vec!["u".into()],
-        period: Some(0.1),
-        ..LqrOptions::default()
-    }
-}
+use crate::regulators::{at, mass, options, with_friction};
 
 /// Position, speed and command of every sample of the mass, from rest at x under a wind.
 fn flight(law: &Regulator, from: f64, wind: f64, samples: usize) -> Vec<[f64; 3]> {
@@ -158,6 +147,9 @@ fn impossible_plans_are_refused() {
     // An edited file: numbers that no plan can be made of.
     let mut law = with(20, &[("v", -1.0, 1.0)]).unwrap().regulator;
     law.validate().unwrap();
+    law.prediction.as_mut().unwrap().horizon = 1_000_000_000;
+    assert!(law.validate().unwrap_err().to_string().contains("1 to 200 samples"));
+    law.prediction.as_mut().unwrap().horizon = 20;
     law.prediction.as_mut().unwrap().input_weights[0] = 0.0;
     assert!(law.validate().unwrap_err().to_string().contains("positive weights of inputs"));
     law.prediction.as_mut().unwrap().input_weights.clear();

@@ -108,6 +108,9 @@ pub struct PredictionTables {
     pub gain: Vec<f64>,
 }
 
+/// Longest horizon, samples.
+pub const MOST_SAMPLES: usize = 200;
+
 impl Prediction {
     /// Checks the shapes and numbers for a regulator.
     pub(super) fn validate(&self, law: &Regulator) -> Result<(), ParameterError> {
@@ -121,9 +124,12 @@ impl Prediction {
         let step = |step: &PredictedStep| {
             is(&step.a, n, n) && is(&step.b, n, m) && is_vector(&step.constant, n) && is(&step.measured, n, k)
         };
+        if !(1..=MOST_SAMPLES).contains(&self.horizon) {
+            let allowed = format!("1 to {MOST_SAMPLES} samples");
+            return Err(ParameterError::new("horizon", self.horizon, allowed));
+        }
         let target = &self.target;
-        let shapes = self.horizon > 0
-            && self.steps.len() == law.laws.len()
+        let shapes = self.steps.len() == law.laws.len()
             && self.steps.iter().all(step)
             && is_vector(&self.at, m)
             && is_vector(&self.input_sizes, m)

@@ -189,7 +189,7 @@ impl Solver {
         share
     }
 
-    /// What a slack misses to its inequality.
+    /// Residual of the equation that defines the slack of an inequality.
     fn miss(&self, inequality: &Inequality, at: usize) -> f64 {
         inequality.sign * (inequality.limit - self.value(inequality))
             + inequality.softness * self.interior.multiplier[at]
